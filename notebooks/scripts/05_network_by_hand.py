@@ -119,9 +119,9 @@ ax.set(xlabel="weight", ylabel="loss");
 # longer steps than the weights of inputs near 1, and overshoots at a learning rate at which those
 # hardly move. That is why data and time are scaled to a few units at most.
 #
-# When errors are squared, a single one of 150 pulls at the weights as hard as 150 errors of 1. So
-# our agents learn with the **Huber loss**, a parabola near 0 and a straight line further out, where
-# the slope no longer grows.
+# With squared errors, a single error of 150 pulls at the weights as hard as 150 errors of 1. So our
+# agents learn with the **Huber loss**, a parabola near 0 and a straight line further out, where the
+# slope no longer grows.
 #
 # ## 5.3 Backpropagation
 #
@@ -144,8 +144,8 @@ ax.set(xlabel="weight", ylabel="loss");
 # nothing more unless its inputs change; the agent's *leaky* ReLUs turn a negative number into a
 # tenth of it instead.) If $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is
 # $-12\cdot3=-36$. Each slope is the one to its right times a number that is known from the forward
-# pass (so in deep networks slopes may *vanish* or *explode*). So one backward pass gives the slopes
-# of *all* weights, however many there are, at the cost of one or two forward passes. This is
+# pass. (Over many layers such products may *vanish* or *explode*.) So one backward pass gives the
+# slopes of *all* weights, however many there are, at the cost of one or two forward passes. This is
 # **backpropagation**.
 #
 # PyTorch does this for you:
@@ -252,8 +252,8 @@ from uavdh_lite.course.near_far import near_pairs
 in_place, centred, y = near_pairs()
 
 # %% [markdown]
-# Three networks try to answer. A dense one and one with two convolutions see the map in place;
-# another dense one sees the centred map. Which will succeed?
+# Three networks try to answer. A dense network and one with two convolutions see the map in place;
+# another dense network sees the centred map. Which will succeed?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -284,9 +284,10 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # absolute place, such as "device at (4, 7)". Whether that is near depends on the UAV, so what the
 # network learns about one pair tells it little about the next.
 #
-# The **convolutions** repair that. Their window sees the UAV and a near device *together*, wherever
-# in the city they are. And with the **centred** map even the dense network is nearly perfect,
-# because the question has become trivial: does the device lie in a certain square of the picture?
+# The **convolutions** avoid this problem. Their window sees the UAV and a near device *together*,
+# wherever in the city they are. And with the **centred** map even the dense network is nearly
+# perfect, because the question has become trivial: does the device lie in a certain square of the
+# picture?
 #
 # So what does centring add? A convolution compares only what lies within its window. "Is it near?"
 # fits into a window; "can I still reach the landing zone in time?" does not, because the zone may

@@ -59,10 +59,10 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
 # This is the **Bellman equation** of the best policy (*Bellman optimality equation*; for a given
-# policy, its own next action replaces the maximum). It answers the question at the top: no number
-# has to know about twenty steps, because each only has to agree with its neighbour, and the
-# neighbour with the next. (In a **stochastic** world, where chance plays a part, the right-hand
-# side is a mean.)
+# policy, the Q-value of its own next action replaces the maximum). It answers the question at the
+# top: no number has to know about twenty steps, because each only has to agree with its neighbour,
+# and the neighbour with the next. (In a **stochastic** world, where chance plays a part, the
+# right-hand side is a mean.)
 #
 # Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
 # $s'$, and so what the right-hand side is *at present*. This is the **target** $y$. The entry moves
@@ -133,11 +133,11 @@ for gamma in (0.5, 0.95, 1.0):
 # - *Time.* With $\gamma=0.95$ news of a reward need not travel back more than a few dozen steps.
 #   With $\gamma=1$ it has to travel the whole flight.
 #
-# The price is short-sightedness. The weights $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
-# the **horizon**: 20 steps for 0.95, and 100 for 0.99. A crash that costs 150 and is 60 steps ahead
-# counts only $150\cdot0.95^{60}\approx7$. In the paper's city that does no harm, because home is
-# never more than 14 moves away, and 15 steps ahead a crash still counts 70. A longer way home needs
-# a larger $\gamma$.
+# The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
+# the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 and is 60
+# steps ahead counts only $150\cdot0.95^{60}\approx7$. In the paper's city that does no harm,
+# because home is never more than 14 moves away, and 15 steps ahead a crash still counts 70. A
+# longer way home needs a larger $\gamma$.
 #
 # ## 6.2 A network instead of the table
 #
@@ -277,9 +277,9 @@ axes[0].set_ylabel("probability");
 # otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
 # tries the worst action as often as the second best.
 #
-# Masking pointless actions (3.4) would work as well, because the safety controller knows them and
-# always flies along. But then the maximum in the target must be masked, too, or it may fall on an
-# action whose value nothing corrects. The paper uses penalties, and so do we.
+# One could also mask pointless actions (3.4), because the safety controller knows them and always
+# flies along. But then the maximum in the target must be masked, too, or it may fall on an action
+# whose value nothing corrects. The paper uses penalties, and so do we.
 #
 # ## 6.5 Double Q-learning
 #
@@ -334,8 +334,7 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 #
 # ## Exercises
 #
-# In the [exercises of this notebook](exercises/06_ddqn/06_ddqn.ipynb) you build a deep Q-network,
-# part by part.
+# In the [exercises of this notebook](exercises/06_ddqn/06_ddqn.ipynb) you build a deep Q-network.
 #
 # Further reading: Sutton and Barto, *Reinforcement Learning*, sections 6.5, 6.7 and 11.3; Mnih et
 # al., 2015; van Hasselt et al., 2016.

@@ -110,9 +110,9 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions
 # that are always the same, and always takes the best action, without exploring (eq. 9). Validation
 # also chooses the agent, because a run keeps the version that did best in a validation. The late
-# agent at the top, that of the course, was chosen in this way. Such a choice is partly luck, and
-# the largest of many scores is on average too high, like the maximum in 6.5. So the final score of
-# an agent comes from a third set of missions, the *test*. The sets for training, validation and
+# agent at the top, the agent of the course, was chosen in this way. Such a choice is partly luck,
+# and the largest of many scores is on average too high, like the maximum in 6.5. So the final score
+# of an agent comes from a third set of missions, the *test*. The sets for training, validation and
 # test have no mission in common. In validation and test, a *seed*, the number that starts the
 # random numbers, makes every agent fly the same missions.
 
@@ -130,8 +130,8 @@ draw(ax, trainer.validation_rows, "the village")
 # %% [markdown]
 # At step 0 the weights are random. Some untrained agents bring nothing home. Others wait near the
 # start and then land, which in so small a village brings in up to half of the data. So look not at
-# where a curve starts but at how far it rises, above all that of **collected and landed**. To watch
-# networks learn in this village, open the lab *Watch* (`python -m uavdh_lite app`).
+# where a curve starts but at how far it rises, above all the curve of **collected and landed**. To
+# watch networks learn in this village, open the lab *Watch* (`python -m uavdh_lite app`).
 
 # %%
 last = trainer.validation_rows[-1]
@@ -178,10 +178,10 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # average, and the discounted rewards that then come in (with a step costing 0.1, as in training)
 # add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
 #
-# And if a curve falls late in a run? First look at the other seeds and at the next validations,
+# What if a curve falls late in a run? First look at the other seeds and at the next validations,
 # because a single dip is often chance. Then compare Q-values and rewards: if the Q-values are far
-# too large, they are running away (6.3). If not, see what was changing at that step (β, the
-# learning rate, the cost of a crash), and whether the memory still holds enough different flights.
+# too large, they diverge (6.3). If not, see what was changing at that step (β, the learning rate,
+# the cost of a crash), and whether the memory still holds enough different flights.
 #
 # ## 7.4 Two ways to fail
 #
@@ -224,21 +224,21 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # The agent collects, but little or nothing comes home. Nothing is wrong with the learning: the
 # agent did what we asked for. The reward was wrong.
 #
-# And an agent that hovers in one place until its time is up? Print its Q-values there (0.6). If
-# they are almost equal, it has not yet learned to tell the actions apart. If flying on looks worse
-# than it is, the agent has explored too little or fears the crash too much. If the values are
-# right, hovering is what the reward pays for.
+# What if an agent hovers in one place until its time is up? Print its Q-values there (0.6). If they
+# are almost equal, it has not yet learned to tell the actions apart. If flying on looks worse than
+# it is, the agent has explored too little or fears the crash too much. If the values are right,
+# hovering is what the reward pays for.
 #
-# Could one help the agent with a bonus for every step towards home? If coming nearer is paid and
-# nothing is charged for going away, the agent can earn the bonus for ever by flying to and fro
-# (**reward hacking**). A safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that
-# depends on the state alone and is 0 after the end. What it pays on the way to a place it takes
-# back on the way from there, so the best policy stays the same. This is **potential-based shaping**
+# Could one help the agent with a bonus for every step towards home? If coming nearer is rewarded
+# and going away costs nothing, the agent can earn the bonus for ever by flying to and fro (**reward
+# hacking**). A safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on
+# the state alone and is 0 after the end. What it pays as the agent approaches a place, it takes
+# back as the agent leaves, so the best policy stays the same. This is **potential-based shaping**
 # (Ng, Harada and Russell, 1999).
 #
-# How large must the penalty be? Ten steps ahead, one of 20 counts only
-# $20 \cdot 0.95^{10} \approx 12$, less than the 15 units that a device in the village may hold, so
-# collecting them and then crashing can pay. One of 150 still counts 90.
+# How large must the penalty be? Ten steps ahead, a penalty of 20 counts only $20 \cdot 0.95^{10}
+# \approx 12$, less than the 15 units that a device in the village may hold, so collecting them and
+# then crashing can pay. A penalty of 150 still counts 90.
 #
 # What if *every* reward were ten times as large? The best policy would be the same, but $\beta$ and
 # the Huber loss must be scaled, too. Otherwise the agent would hardly explore, and more errors
@@ -250,7 +250,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # soft update with τ = 0.005, combined replay and γ = 0.95. `plain` is the paper's method with
 # nothing added, but with a network that is small enough for an ordinary processor. `lite` is our
 # own recipe, which trained the agent of this course. `docs/project/differences_from_the_paper.md`
-# lists all that it changes. Four changes show the idea:
+# lists all that `lite` changes. Four changes show the idea:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
@@ -271,8 +271,8 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # flights of the present agent without exploring. (A *Monte Carlo* target takes all rewards to the
 # end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
 #
-# `lite` also halves the cost of a step, to 0.1. In a study with an earlier program this did not
-# help ([the page on the recipe](../docs/results/recipe.md)).
+# `lite` also halves the cost of a step, to 0.1. In a study with an earlier version of the program,
+# this did not help ([the page on the recipe](../docs/results/recipe.md)).
 #
 # The **paper's method** makes an update for every single step, once its memory holds 25,000 random
 # steps. The picture shows *training* flights of three runs of each recipe; the runs of `plain` were
@@ -313,6 +313,6 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 # hints.
 #
 # It is normal that an agent does not learn at first. [My agent does not
-# learn](../docs/tutorials/does_not_learn.md) is a checklist of what to look at, and in which order.
+# learn](../docs/tutorials/does_not_learn.md) tells you what to look at, and in which order.
 #
 # Further reading: Henderson et al., *Deep Reinforcement Learning that Matters*, 2018.

@@ -64,11 +64,11 @@ for name, recipe in centring(LITE).items():
 # ## 8.2 The paper's figure
 #
 # The figure at the top has the same form as the paper's. Each point is a bin of 5000 steps of
-# training flights. The line is the mean of three runs, and the pale band around it holds 99 % of
+# training flights. Each line is the mean of three runs, and the pale band around it holds 99 % of
 # their values.
 #
-# With three values, that band reaches almost exactly from the smallest to the largest, and a fourth
-# run would fall outside it half of the time.
+# With three values, that band reaches almost from the smallest to the largest, and a fourth run
+# would fall outside it half of the time.
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good
 # part of the time, but on the right they do better. They collect more, but they crash more often
@@ -149,8 +149,8 @@ figure.supylabel("collected and landed");
 # A **95 % confidence interval** extends a few standard errors to either side of the result. With
 # many runs it takes two, or 1.96 to be exact. With few runs $s$ itself is uncertain, so it takes
 # more. *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three. For two kinds
-# together the number is a little smaller; we take this one, to be safe. If all runs were made again
-# and again, at least 95 % of such intervals would contain the true gap.
+# together the number is a little smaller; we take the larger one, to be safe. If all runs were made
+# again and again, at least 95 % of such intervals would contain the true gap.
 
 # %%
 import numpy as np
@@ -205,8 +205,8 @@ Quiz("three_seeds")
 # beforehand, or ask for 5 % divided by the number of comparisons (**Bonferroni**), or repeat the
 # surprising one with new seeds.
 #
-# And plan enough runs: to find a gap as large as $s$ at the 5 % level in four studies out of five
-# takes about 17 of each kind.
+# And plan enough runs: to find a gap as large as $s$ at the 5 % level in four studies out of five,
+# you need about 17 runs of each kind.
 #
 # ### Baselines
 #
@@ -294,7 +294,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # picture is new to the network). This is overfitting again, to a city this time and not to
 # examples.
 #
-# So ask not only how good an agent is, but also what has to stay the same for it to stay so.
+# So ask not only how good an agent is, but also what must not change if it is to stay that good.
 #
 # ## 8.6 What the evidence shows
 #
@@ -310,7 +310,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 #
 # ## Recap
 #
-# - Change one thing, keep all else equal, and run several seeds.
+# - Change one thing, keep the rest, and run several seeds.
 # - With one seed you can show nearly anything. The runs are the sample, and their number is what
 #   counts.
 # - Give every gap with its interval. If 0 is well inside it, the question is open; if 0 is near one

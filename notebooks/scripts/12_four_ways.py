@@ -67,10 +67,10 @@ draw_ways()
 # | **What you'll need** | The course, notebooks 0 to 9. 45 minutes to read, 30 seconds to run; 27 minutes of exercises |
 #
 # Each row shows one recipe in three runs, one for each seed, recorded with an earlier version of the program over an earlier
-# map of Manhattan, which had eight low buildings. The upper four learn from reward, the next four copy a planner, and the last
-# one copies first and then learns from reward. All runs of one group are equally long. The plain row *learn* has the rewards
-# and starts of the recipe `lite` of notebook 7. Higher returns lie further right. The rest of this notebook explains the words
-# on the left.
+# map of Manhattan, which had eight low buildings. The upper four rows learn from reward, the next four copy a planner, and the
+# last one copies first and then learns from reward. All runs of one group are equally long. The plain row *learn* has the
+# rewards and starts of the recipe `lite` of notebook 7. Higher returns lie further right. The rest of this notebook explains
+# the words on the left.
 #
 # ## 12.1 Guarantee: the failsafe
 #
@@ -188,8 +188,8 @@ print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
 # The loss is 0 if the network was sure and right, and large if it was sure and wrong. In the library it is one line of `Cloning.loss`;
 # the loop around it is that of notebook 7, with the genie in place of the softmax policy.
 #
-# The shipped agent `manhattan` has copied the genie, and then learned a little from reward (12.4). How often does it agree with
-# its teacher? Fly the genie's plans for 100 missions, and ask the agent at each step:
+# The shipped agent `manhattan` has copied the genie, and then learned from reward (12.4). How often does it agree with its
+# teacher? Fly the genie's plans for 100 missions, and ask the agent at each step:
 
 # %%
 import torch

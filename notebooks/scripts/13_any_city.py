@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 13 · Any city
 #
-# The agent of the course knows one city. **Can one network fly over a city that it has never seen, the moment it is drawn?**
-# The picture shows one flight over each of four such cities.
+# The agent of the course knows one city. **Can one network fly over a city that it has never seen, as soon as that city is
+# drawn?** The picture shows one flight over each of four such cities.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.

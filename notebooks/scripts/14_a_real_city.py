@@ -260,7 +260,7 @@ for place in (*places, None):
 # The intervals are for *other missions over these four places*, and say nothing about a fifth (13.5).
 #
 # The agent's mean return is 32.2 under either model, but under the ray-traced one it loses 0.9 in Munich and 0.6 in Paris and
-# gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead shrinks in Munich and Florence, and hardly in the other
+# gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead shrinks in Munich and Florence, but hardly in the other
 # two. Greedy is told nothing about the radio, so no wrong belief misleads it. How much would the agent gain if it knew the
 # ray-traced rates?
 #
@@ -312,8 +312,8 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 #    second line is much flatter than in 14.3 and promises too much deep in the shadow.
 # 2. **Link by link.** Correct these lines by what was heard *nearby*: if a device in the next cell was 15 dB below the line, this one probably is, too.
 #
-# For the second way, let $e$ be how far each measured SNR is above its line. Each of them gets a weight $w$, which is 1 for the
-# same two cells and falls with the distance between the devices and between the UAVs, to 0.6 at one cell:
+# For the second way, let $e$ be how far each measured SNR is above its line. Each measurement gets a weight $w$, which is 1 for
+# the same two cells and falls with the distance between the devices and between the UAVs, to 0.6 at one cell:
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum w\,e}{1 + \sum w}$$
 #
@@ -337,7 +337,7 @@ figure
 # Link by link, three in four of the hidden links that were heard change by 3 dB or more, although for this device hardly any do.
 #
 # How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. Here is the lead
-# over greedy again (`line` stands for two lines, `link` for link by link, and the number is that of the flights):
+# over greedy again (`line` stands for two lines, `link` for link by link, and the number counts the flights):
 
 # %%
 for radio in worlds:
