@@ -106,8 +106,8 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 #
 # The UAV picked all actions at random, and still learned what *good* flying is worth, because the
 # target asks for the *best* next action and not for the one taken next. A method that may learn
-# from the flights of another policy is called **off-policy**. (That policy must try every action
-# again and again everywhere. Then the table provably becomes right if $\alpha$ slowly falls to 0.)
+# from the flights of another policy is called **off-policy**. (That policy must try every action in
+# every cell again and again. Then the table provably becomes right if $\alpha$ slowly falls to 0.)
 # An **on-policy** method, such as *SARSA*, would have learned what flying at random is worth.
 #
 # ### The discount

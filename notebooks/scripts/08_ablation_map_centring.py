@@ -196,9 +196,9 @@ Quiz("three_seeds")
 # probability that the methods are equally good.
 #
 # In the village only 10 of the 924 ways give so large a gap, a p-value of 1 %. Yet the interval
-# above just contained 0. We made it a little too wide on purpose, and the one run that failed makes
-# $s$ large, whereas a permutation test assumes no normal distribution. So there is probably a lead,
-# but we hardly know how large it is.
+# above just contained 0. We made it a little too wide on purpose, and the failed run of seed 2
+# makes $s$ large, whereas a permutation test assumes no normal distribution. So there is probably a
+# lead, but we hardly know how large it is.
 #
 # If five parts of a recipe are taken away one by one, and none of them matters, at least one
 # comparison still comes out below 5 % nearly one time in five. So name the main comparison
@@ -304,7 +304,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # | Is it better in the end? | Open: every centred run ended with a higher return than the others, but the shares collected are level, and three runs of each kind cannot settle it |
 # | Is the paper's larger gap wrong? | These runs cannot say: it comes from another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
-# | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
+# | Is it the centring alone? | Open: the other frame gives the position differently, as a single 1 |
 #
 # Write the question down beforehand, and also which result would mean *no*.
 #

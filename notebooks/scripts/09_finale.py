@@ -281,11 +281,12 @@ for name, each in flown.items():
 # begin again with the next mission. One agent **for all missions** has paid for its search once, in
 # training, and decides in about a hundredth of a second wherever it is put.
 #
-# Could it fly a real UAV? What separates a simulator from the street is called the **sim-to-real
-# gap**. Our UAV knows its position, the map and the data left exactly, has no wind, and counts time
-# where a real one counts energy. Before a real flight, put such errors into the evaluation one at a
-# time (a position one cell off, a building missing from the map, stronger fading), see which costs
-# most, and train with that one drawn at random (**domain randomisation**).
+# Could the agent fly a real UAV? What separates a simulator from the street is called the
+# **sim-to-real gap**. Our UAV knows its position, the map and the data left exactly, meets no wind,
+# and saves time where a real one saves energy. Before a real flight, put such errors into the
+# evaluation one at a time (a position one cell off, a building missing from the map, stronger
+# fading), see which costs most, and train with that error drawn at random (**domain
+# randomisation**).
 #
 # ## 9.8 Your turn
 #

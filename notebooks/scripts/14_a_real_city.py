@@ -53,9 +53,9 @@ figure
 #
 # ## 14.1 Four places
 #
-# The scenes come with [Sionna RT](https://nvlabs.github.io/sionna/rt/), a ray tracer for radio waves: the old town of
-# Munich, the streets south of Florence's cathedral, the Arc de Triomphe, and a level part of San Francisco.
-# Each is a square of 160 m, or 16 × 16 cells.
+# The scenes come with [Sionna RT](https://nvlabs.github.io/sionna/rt/), a ray tracer for radio waves: the old town of Munich,
+# the streets south of Florence's cathedral, the Arc de Triomphe, and a level part of San Francisco. Each is a square 160 m on a
+# side, or 16 × 16 cells.
 #
 # A cell is a *tall building* if at least half of it is covered by something higher than 10 m, the height at which the UAV
 # flies. Otherwise it is a *low building* if at least half of it is built on. The landing zone consists of the six free cells
@@ -155,9 +155,9 @@ for kind, state in kinds.items():
 # The paper's exponents are 2.27 and 3.64, with spreads of 1.4 and 2.2 dB.
 #
 # - **In sight** the exponent is *below* 2, that of free space. The reason is that at a distance, reflections from the ground
-#   and the walls add up to 3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the **street
-#   canyon** effect. The 3 % of points far below the others are blocked by walls that our grid misses; without them the spread
-#   is 0.8 dB.
+#   and the walls contribute up to 3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the
+#   **street canyon** effect. The 3 % of points far below the others are blocked by walls that our grid misses; without them the
+#   spread is 0.8 dB.
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB and more, and for a third of them the tracer, with its million rays, finds no path.
 # - **The spread is of another kind** than in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and slot.
@@ -203,8 +203,8 @@ figure
 # that are at most 3 dB below free space. Our shadow map calls them hidden, but the device is in view, past a wall that does not
 # fill its cell. Reflection and diffraction alone bring little data.
 #
-# Beware: the ray tracer is a model, too. It knows no trees and no cars, so it is too optimistic. It also knows no rough walls
-# that scatter a wave and no waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible*
+# Beware: the ray tracer is a model, too. It contains no trees and no cars, so it is too optimistic. It also leaves out rough
+# walls that scatter a wave and waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible*
 # radio, but not Munich's.
 #
 # ## 14.4 Does the agent still fly?
@@ -266,10 +266,10 @@ for place in (*places, None):
 #
 # ## 14.5 World and belief
 #
-# The agent does not measure the radio around it. It is *told*: one layer of its map says how much data a unit of time would bring over each cell
-# (notebook 12). Even in the ray-traced world, that layer was computed from the **paper's model**. So there are two radios. The **world** decides what is
-# really uploaded: it is the environment in which a policy flies, here `munich`. The **belief** says what the agent expects: it is the environment of its
-# observation, here `model`.
+# The agent does not measure the radio around it. It is *told*: one layer of its map says how much data a unit of time would
+# bring over each cell (notebook 12). Even in the ray-traced world, that layer is computed from the **paper's model**. So there
+# are two radios. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`.
+# The **belief** says what the agent expects: it is the environment of its observation, here `model`.
 #
 # Now change only the belief. At one end, the agent is told the world's own table, which only a genie could know. At the other end it is told silence:
 # that no data can be had anywhere.
@@ -285,9 +285,9 @@ for name, belief in beliefs.items():
     print(f"told {name:<10}return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# Told silence, the agent falls far behind, because it never had to learn the radio from the map. The gap between the model and the truth is about what
-# measuring can gain. But the truth is no upper bound for a network that was never trained with it, and over a hundred missions so small a gap may be
-# chance.
+# Told silence, the agent falls far behind, because it never had to learn from the map where data can be had. The gap between
+# the model and the truth is about what measuring can gain. But the truth is no upper bound for a network that was never trained
+# with it, and over a hundred missions so small a gap may be chance.
 #
 # ## 14.6 Measure, then tell
 #
@@ -354,7 +354,7 @@ for radio in worlds:
 # Under the ray-traced model, two lines gain next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What
 # counts is *which* link is bad, and to find that out takes the second way and many flights. In the second way, ten flights
 # change the return by −0.5 to +1.2, depending on the survey; a hundred gain about 60 % of what the truth would gain (95 %
-# interval: 46 to 72 %). That is 0.55 units of a return of 32, won mostly in Munich.
+# interval: 46 to 72 %). That is 0.55 units of a return of 32, gained mostly in Munich.
 #
 # ## 14.7 Before you fly there
 #
@@ -372,7 +372,7 @@ for radio in worlds:
 # - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings, where a
 #   ray arrives at all, the model is off by 21 dB (RMS).
 # - `any_city` is ahead of greedy over four real places, but by less under the ray-traced model.
-# - World and belief are two things. Measuring, link by link and with many flights, mends the belief.
+# - World and belief are two things. Measuring, link by link and with many flights, corrects the belief.
 #
 # ## Exercises
 #

@@ -36,10 +36,10 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 8.1 · How many steps to a threshold (1 point, 8 minutes)
 #
-# A training run is validated now and then. The array `steps` says after how many environment steps,
-# in increasing order, and the array `values`, which is equally long, gives the results. Such curves
-# rise, but fall back in between. So the first time that a curve crosses a threshold may be luck.
-# Ask for more: the curve has to stay at or above the threshold for good.
+# A training run is validated now and then. The array `steps` gives the number of environment steps
+# at each validation, in increasing order, and the array `values`, which is equally long, gives the
+# results. Such curves rise, but fall back in between. So the first time that a curve crosses a
+# threshold may be luck. Ask for more: the curve has to stay at or above the threshold for good.
 #
 # Return the number of environment steps at the first validation from which *all* values, up to the
 # last, are at least `threshold`. It is an element of `steps`. Return `None` if there is none, that

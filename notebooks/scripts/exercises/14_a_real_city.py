@@ -70,7 +70,7 @@ def reach_m(left_db, step_m):
 checks.shadow_reach(reach_m)
 
 # %% [markdown]
-# Why is there always such a distance? All products of *different* values together are minus half the sum of the squares,
+# Why is there always such a distance? All products of two *different* values add up to minus half the sum of the squares,
 # because the mean was subtracted. So at some distance the mean product is negative.
 
 # %% [markdown]
