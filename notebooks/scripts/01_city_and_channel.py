@@ -147,7 +147,7 @@ assert np.isclose(budget_db, channel.transmit_snr_db(16))
 # included.)
 #
 # A link behind a building has the same budget, because the transmitter does not know what stands in
-# the way. So, apart from luck, any SNR now takes only one subtraction:
+# the way. Apart from luck, any SNR now takes one subtraction:
 
 # %%
 def snr_db(ground_m, exponent):
@@ -173,7 +173,7 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # different signals apart in the same noise, and at a high SNR that takes twice the power. So
 # to *add* one unit of data, you have to *multiply* the power by two.
 #
-# First make a prediction:
+# First predict:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -222,11 +222,11 @@ for distance in (0, 10, 20, 30, 100):
 # power is called *log-normal*. The paper calls the variance $\sigma_l^2$; do not confuse it with
 # $\sigma^2$, the power of the noise.
 #
-# A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that
-# is in the way now is still in the way one step later, so the fading stays similar over tens of
-# metres. The paper nevertheless draws it anew in every slot, and so do we: if good luck came in
-# runs, the luck of the past would say something about the future, and the agent would have to
-# remember it (notebook 3).
+# In a real street shadow fading is *correlated*: the tree that is in the way now is still in the
+# way one step later, so the fading stays similar over tens of metres. The paper nevertheless draws
+# it anew in every slot, and so do we: if good luck came in runs, the luck of the past would say
+# something about the future: it could pay to leave a place with bad luck, and the agent would have
+# to remember it (notebook 3).
 #
 # In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
 # data?

@@ -50,11 +50,14 @@ figure
 # A link runs in a straight line from the middle of the device's cell to the middle of the cell
 # below the UAV. It is blocked if, seen from above, this line crosses the inside of a building. It
 # is also blocked if the line would have to slip through the corner that two diagonally adjacent
-# buildings share. A blocked link is NLoS, and notebook 1 says what that costs.
+# buildings share. A blocked link is NLoS, and notebook 1 says what that costs. (The link is weak
+# but not dead, because some of the signal still arrives by reflection and by bending round edges,
+# which is called *diffraction*.)
 #
 # The model is flat: it ignores height. In a city with low buildings, such as `harbour`, a UAV above
 # one of them has no device in sight, although from a real roof you could look down into the street.
-# That is a simplification.
+# That is a simplification. With heights, one would have to ask for each building under the ray
+# whether the ray, which climbs evenly from the device to the UAV, is still below the roof there.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 

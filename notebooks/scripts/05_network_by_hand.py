@@ -282,7 +282,8 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # training pairs by heart, and guesses at new ones. This is **overfitting**: the network fits its
 # examples better than the world that they come from. A weight of its first layer belongs to an
 # absolute place, such as "device at (4, 7)". Whether that is near depends on the UAV, so what the
-# network learns about one pair tells it little about the next.
+# network learns about one pair tells it little about the next. Other remedies than those below are
+# more examples, or stopping when the results on other examples get worse (**early stopping**).
 #
 # The **convolutions** avoid this problem. Their window sees the UAV and a near device *together*,
 # wherever in the city they are. And with the **centred** map even the dense network is nearly
