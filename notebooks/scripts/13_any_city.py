@@ -139,9 +139,9 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("centred_in_a_new_city")
 
 # %% [markdown]
-# The effect of centring was also measured with version 0.1.0 and three seeds of each kind: in new cities, networks that had
-# learned in 2000 cities in place brought home about half as much as networks that had learned in them centred. The runs are in
-# the table that 13.4 reads.
+# The effect of centring was also measured with version 0.1.0 and three seeds of each kind: in new cities, networks that saw the
+# map in place brought home about half as much as networks that saw it centred, although both had learned in 2000 cities. The
+# runs are in the table that 13.4 reads.
 #
 # ## 13.3 Draw your own
 #

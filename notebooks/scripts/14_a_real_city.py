@@ -82,11 +82,11 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # Here $d$ is in metres, and $P/\sigma^2$ includes the gain at 1 m. This is a *statistical* model: the drop behind a building depends on the distance
 # only, and is 14 dB at 10 m and 27 dB at 100 m.
 #
-# A **ray tracer** computes each link itself. It sends a million rays from the device. Walls and the ground reflect a ray, with
-# a loss that depends on the material, and an edge can bend it (**diffraction**). The tracer then adds up, cell by cell, what
-# arrives at the UAV's height. The received power divided by the power that was sent is the **path gain**; in dB it is the path
-# loss with its sign reversed. We have a table of gains, `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground and
-# 8.5 m above the devices.
+# A **ray tracer** computes each link separately. It sends a million rays from the device. Walls and the ground reflect a ray,
+# with a loss that depends on the material, and an edge can bend it (**diffraction**). The tracer then adds up, cell by cell,
+# what arrives at the UAV's height. The received power divided by the power that was sent is the **path gain**; in dB it is the
+# path loss with its sign reversed. We have a table of gains, `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground
+# and 8.5 m above the devices.
 #
 # In our tables a ray has up to five reflections or one diffraction, and none goes through a wall. Powers are averaged over the UAV's cell, and added
 # without their phases, so there is no small-scale fading. We also fly without $\eta$ in this world, so the two worlds differ in fading, too. ([The

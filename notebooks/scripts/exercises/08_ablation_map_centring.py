@@ -131,7 +131,7 @@ checks.lead(lead)
 # <details><summary>Hint</summary>
 #
 # If the kind made no difference, every way to deal the values out to the two groups would be as
-# likely as the one that you saw. How many of them differ as much?
+# likely as the one that you saw. In how many of these ways do the means differ as much?
 # </details>
 #
 # <details><summary>Another hint</summary>
