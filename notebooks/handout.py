@@ -49,6 +49,8 @@ def main() -> int:
                 shutil.copy(source, target)
         for name in options.without:
             Path(folder, f"data/checkpoints/{name}.safetensors").unlink()
+        for older in options.out.glob("uavdh_lite-*.whl"):
+            older.unlink()
         wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir"]
         subprocess.run([*wheel, options.out, folder], check=True)
     copy_sheets(options.out)

@@ -1,6 +1,7 @@
 """nbgrader's configuration of this course: run its commands in this folder."""
 
 import copy
+from pathlib import Path
 
 from nbclient.exceptions import CellTimeoutError, DeadKernelError
 from nbformat.v4 import new_output
@@ -32,11 +33,21 @@ class EachByItself(Execute):
     A cell that ends its kernel, or does not let go when it is interrupted, has failed: the cells
     before it run once more in a new kernel, and the next one follows. Before each graded cell,
     `checks` is imported anew, whatever the cells before it made of that name.
+
+    nbgrader leaves alone what has the time of what was handed in. A sheet gets it when it has been
+    graded, so that one at which grading was stopped is graded when it goes on.
     """
 
     def preprocess(self, notebook, resources=None, km=None):
         self.lost = set()  # cells that took their kernel with them
-        return super().preprocess(notebook, resources, km)
+        stamp = Path(resources["metadata"]["path"], "timestamp.txt")
+        handed_in = stamp.read_text() if stamp.exists() else None
+        if handed_in:
+            stamp.write_text("1970-01-01 00:00:00 UTC")
+        done = super().preprocess(notebook, resources, km)
+        if handed_in:
+            stamp.write_text(handed_in)
+        return done
 
     def preprocess_cell(self, cell, resources, index):
         if cell.cell_type == "code":

@@ -180,12 +180,14 @@ def test_the_boards_of_the_practice_sets_load(scenario):
 def test_the_board_ranks_and_keeps_failures_apart(tmp_path):
     path = tmp_path / "board.json"
     with opened(path, PRACTICE) as board:
-        for name, share in (("second", 0.5), ("first", 0.9)):
-            numbers = {name: [share] * 3 for name in SCORED}
+        scores = {"fourth": (0.5, 0.1, 9), "second": (0.5, 0.5, 1), "too": (0.5, 0.5, 1)}
+        for name, numbers in (scores | {"first": (0.9, 0, 0)}).items():
+            numbers = {it: [number] * 3 for it, number in zip(SCORED, numbers, strict=True)}
             enter(path, board, ENTRY | {"name": name, **numbers})
         enter(path, board, {"name": "first", "file": None, "failed": "a reason", "when": ""})
     table = leaderboard(path)
-    places = [table.index(part) for part in ("| 1 | first", "| 2 | second", "failed: first: a")]
+    expected = ["| 1 | first", "| 2 | second", "| 2 | too", "| 4 | fourth", "failed: first: a"]
+    places = [table.index(part) for part in expected]
     assert places == sorted(places)
     for other in (Challenge("village", 41), Challenge("village", 40, seed=1)):
         with pytest.raises(InputError, match="another challenge"), opened(path, other):

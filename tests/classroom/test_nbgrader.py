@@ -108,6 +108,12 @@ def helped(notebook):
     return notebook
 
 
+def stamped(notebook):
+    """Right only where grading would begin with this one again if it were stopped here."""
+    source = "from pathlib import Path\nsoon = Path('timestamp.txt').read_text()[:4] == '1970'"
+    return with_cell(notebook, source, _1_2=f"{SOLVED['1.2']} * soon")
+
+
 # What each student made of the notebook, the points for it, and what is said before it is graded
 STUDENTS = {
     "all": (solved, [1, 2, 2], None),
@@ -130,6 +136,7 @@ STUDENTS = {
     "patches": (lambda n: with_cell(n, PATCH, _1_2=WRONG), [1, 0, 2], "for more than checking"),
     "takes": (takes_a_solution, [1, 0, 2], "answer to 1.2 uses `checks` for more than checking"),
     "helped": (helped, [1, 2, 2], None),
+    "stamped": (stamped, [1, 2, 2], None),
 }  # fmt: skip
 OTHER = NOTEBOOKS / "exercises/02_shadow_ray_tracing/02_shadow_ray_tracing.ipynb"
 FILES = {  # what others handed in instead of a notebook under its name
@@ -288,6 +295,25 @@ def test_what_is_no_file_sets_one_student_aside(tmp_path):
         assert sheet.notes == [f"set aside: {FILE} is not a file", "nothing handed in"]
 
 
+def test_a_student_whom_moodle_numbers_anew_is_one_student(tmp_path):
+    shutil.copytree(NOTEBOOKS / "exercises" / ASSIGNMENT, tmp_path / "exercises" / ASSIGNMENT)
+    handed = {
+        "A B_1": "00",
+        "A B_2": "02",
+        "C_1": "00",
+        "C_2": "02",
+        "C_3": ASSIGNMENT,
+        "D_1": "00",
+    }
+    handed |= {"one_1": ASSIGNMENT, "one_2": "00"}  # numbered by the lecturer
+    for who, name in handed.items():
+        (tmp_path / "submitted" / who / name).mkdir(parents=True)
+        (tmp_path / "submitted" / who / name / f"{name}.ipynb").write_text("{}")
+    (tmp_path / "submitted" / "one_1" / "00").mkdir()
+    sheets = {s.student: s.missing for s in handed_in.look_through(tmp_path, ASSIGNMENT)}
+    assert sheets == {"A B_1": True, "C_3": False, "D_1": True, "one_1": False, "one_2": True}
+
+
 @pytest.mark.parametrize("damage", ["this is no notebook", '{"cells": 5}', OTHER, b"\xff"])
 def test_a_damaged_release_is_named(tmp_path, damage, capsys):
     release = tmp_path / "exercises" / FILE
@@ -360,6 +386,7 @@ def test_moodle_s_worksheet_is_filled_in_with_the_points(tmp_path, capsys):
     sheet, filled = tmp_path / "grades.csv", tmp_path / "filled.csv"
     command = ["classroom", "marks", ASSIGNMENT, str(sheet), str(filled), "--course", str(tmp_path)]
     assert main(command) == 2 and "run nbgrader autograde first" in capsys.readouterr().err
+    assert not handed_in.is_in_grade_book(tmp_path, ASSIGNMENT)
     with Gradebook(f"sqlite:///{tmp_path}/gradebook.db", "uavdh_lite") as book:
         book.add_assignment(ASSIGNMENT)
         book.add_notebook("one", ASSIGNMENT)
@@ -369,6 +396,8 @@ def test_moodle_s_worksheet_is_filled_in_with_the_points(tmp_path, capsys):
             book.add_submission(ASSIGNMENT, who)
             book.find_grade("check", "one", ASSIGNMENT, who).auto_score = points
         book.db.commit()
+    assert handed_in.is_in_grade_book(tmp_path, ASSIGNMENT)
+    assert not handed_in.is_in_grade_book(tmp_path, "99_none")
     header = "Identifier,Full name,Grade,Maximum Grade,Feedback comments\n"
     for grade, most, given in (
         ("Grade", "5.00", ["5.00", "2.00"]),
@@ -389,6 +418,11 @@ def test_moodle_s_worksheet_is_filled_in_with_the_points(tmp_path, capsys):
         sheet.write_text(bad)
         assert main(command) == 2
         assert f"{sheet}: no grading worksheet with Grade" in capsys.readouterr().err
+    with Gradebook(f"sqlite:///{tmp_path}/gradebook.db", "uavdh_lite") as book:
+        book.find_grade("check", "one", ASSIGNMENT, "B_102").auto_score = None
+        book.db.commit()
+    assert main(command) == 2  # what was never graded is not worth 0 points
+    assert f"autograde --force --student='B_102' {ASSIGNMENT}" in capsys.readouterr().err
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
@@ -454,6 +488,8 @@ def points(root):
 @pytest.mark.longest
 def test_each_student_gets_the_points_of_the_exercises_that_are_right(course):
     assert points(course) == POINTS
+    stamps = [path.read_text() for path in (course / "autograded").rglob("timestamp.txt")]
+    assert len(stamps) == len(POINTS) and "1970" not in {stamp[:4] for stamp in stamps}
     rows = (course / "grades.csv").read_text().splitlines()
     assert {row.split(",")[3] for row in rows[1:]} >= {*POINTS}
 
@@ -511,5 +547,7 @@ def test_students_notebooks_hold_no_solutions_and_all_points(stem):
     assert "SOLUTION" not in text and "jupytext" not in kept.metadata
     assert not any(cell.get("outputs") for cell in kept.cells)
     assert all(f'NotImplementedError("exercise {one.number}")' in text for one in own)
+    sheet = handed_in.Sheet("one")
+    assert handed_in._mended(kept.cells, kept, sheet).cells == kept.cells and not sheet.notes
     graded = [cell.metadata.nbgrader for cell in kept.cells if "nbgrader" in cell.metadata]
     assert sum(cell.get("points", 0) for cell in graded) == sum(one.points for one in own)

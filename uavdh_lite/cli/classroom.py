@@ -49,6 +49,8 @@ def check(assignment: str, /, *, course: Path = COURSE) -> None:
     odd = sum(bool(sheet.notes) for sheet in sheets)
     aside = sum(sheet.notebook is None for sheet in sheets)
     print(f"{len(sheets)} students, {odd} with notes, {aside} without anything to grade")
+    if not handed_in.is_in_grade_book(course, assignment):
+        print(f"Before you grade, run here: nbgrader generate_assignment --force {assignment}")
 
 
 @classroom.command(name="return")

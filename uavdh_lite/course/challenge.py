@@ -279,14 +279,16 @@ def enter(path: Path, board: dict, score: dict, replace: bool = False) -> dict |
 
 
 def leaderboard(path: Path) -> str:
-    """A leaderboard as a Markdown table, the largest share collected and landed first."""
+    """A leaderboard as a Markdown table, ranked by the columns from left to right."""
     board = _board(path)
     practice = Challenge(board["scenario"], board["episodes"]).fingerprint == board["fingerprint"]
     kind = "practice" if practice else "hidden"
     said = f"{board['scenario']}, {board['episodes']} {kind} missions ({board['fingerprint']})"
     lines = [said, "", "| | name | collected and landed | landed | return |", "| --- " * 5 + "|"]
-    ranked = sorted(board["scores"].values(), key=lambda one: -one["collected_and_landed"][0])
-    for rank, one in enumerate(ranked, 1):
+    scores = {name: [-one[it][0] for it in SCORED] for name, one in board["scores"].items()}
+    places = sorted(scores.values())
+    for name in sorted(scores, key=scores.__getitem__):
+        one, rank = board["scores"][name], 1 + places.index(scores[name])
         forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
         cells = [form.format(*one[name]) for form, name in zip(forms, SCORED, strict=True)]
         lines.append(f"| {rank} | {_cell(one['name'])} | {' | '.join(cells)} |")

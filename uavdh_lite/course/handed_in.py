@@ -52,7 +52,8 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
     """Look through an assignment of all students, and write what nbgrader is to grade.
 
     A student whose file cannot be used gets an empty sheet, so that the feedback says why; one who
-    has handed in nothing for this assignment gets none.
+    has handed in nothing for this assignment gets none. Moodle gives a student another number, and
+    so another folder, in each assignment: these folders count as one student.
 
     Raises `InputError` if the course has no such assignment, if what students got is damaged, or if
     nobody has handed in anything.
@@ -70,7 +71,7 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
         raise InputError(f"{release}: not a notebook ({said}): get it anew") from None
     if not whole:
         raise InputError(f"{release}: has no exercises: get it anew")
-    sheets = [_sheet(student, assignment, empty) for student in students]
+    sheets = _one_for_each([_sheet(student, assignment, empty) for student in students], students)
     for sheet in sheets:
         same = [o.student for o in sheets if o is not sheet and o.fingerprint == sheet.fingerprint]
         told = [*sheet.notes]
@@ -90,6 +91,18 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
         stamp = f"{datetime.fromtimestamp(sheet.when, UTC):%Y-%m-%d %H:%M:%S} UTC"
         path.with_name("timestamp.txt").write_text(stamp)  # nbgrader grades anew what is newer
     return sheets
+
+
+def _one_for_each(sheets: list[Sheet], folders: list[Path]) -> list[Sheet]:
+    """Without those that are missing here because the student has another folder, or is listed."""
+    given = {path.name: {p.name for p in path.glob("[!.]*")} for path in folders}
+    kept: list[Sheet] = []
+    for sheet in sorted(sheets, key=lambda one: one.missing):
+        name, own = re.sub(r"_\d+$", "", sheet.student), given[sheet.student]
+        others = [one.student for one in kept if re.sub(r"_\d+$", "", one.student) == name]
+        if not (sheet.missing and own and any(own.isdisjoint(given[one]) for one in others)):
+            kept.append(sheet)
+    return sorted(kept, key=lambda one: one.student)
 
 
 def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Sheet:
@@ -187,7 +200,7 @@ def _place(cell: nbformat.NotebookNode, release: list) -> int | None:
             return k
     for k, one in enumerate(release):
         marked, answer = "nbgrader" in one.metadata, None
-        if marked and one.metadata.nbgrader.solution:
+        if marked and one.metadata.nbgrader.solution and cell.cell_type == "code":
             check = next(c for c in release[k:] if c.metadata.get("nbgrader", {}).get("grade"))
             answer = re.search(r"\((\w+)\)", check.source)[1]  # type: ignore[index]
         if (
@@ -298,6 +311,17 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[dict[str, str
     return dict(sorted(states.items())), odd
 
 
+def is_in_grade_book(course: Path, assignment: str) -> bool:
+    """Whether nbgrader can grade the assignment in this folder: `generate_assignment` enters it."""
+    with extra("classroom"):
+        from nbgrader.api import Gradebook
+
+    if not (course / "gradebook.db").is_file():
+        return False
+    with Gradebook(f"sqlite:///{course / 'gradebook.db'}", "uavdh_lite") as book:
+        return assignment in [one.name for one in book.assignments]
+
+
 def fill_in(
     worksheet: Path, filled: Path, course: Path, assignment: str, column: str = "Grade"
 ) -> tuple[int, list[str]]:
@@ -307,17 +331,22 @@ def fill_in(
     scaled to the maximum, which stands in the column after the grade's.
 
     Returns the number of rows that are filled, and the students who have none. Raises `InputError`
-    if nothing has been graded, or if the worksheet is none.
+    if nothing has been graded, if grading was stopped at a student, or if the worksheet is none.
     """
     with extra("classroom"):
         from nbgrader.api import Gradebook
 
-    grades, shares = course / "gradebook.db", {}
+    grades, shares, stopped = course / "gradebook.db", {}, ""
     if grades.is_file():
         with Gradebook(f"sqlite:///{grades}", "uavdh_lite") as book:
             for one in book.assignment_submissions(assignment):
                 points = max(0.0, one.score - one.late_submission_penalty)
                 shares[one.student.id] = points / one.max_score
+                if None in [grade.auto_score for part in one.notebooks for grade in part.grades]:
+                    stopped = one.student.id
+    if stopped:
+        again = f"nbgrader autograde --force --student='{stopped}' {assignment}"
+        raise InputError(f"{grades}: grading was stopped at {stopped}: run {again}")
     if not shares:
         raise InputError(f"{grades}: nothing graded for {assignment}: run nbgrader autograde first")
     students = {student.rpartition("_")[2]: student for student in shares}

@@ -19,7 +19,8 @@ __all__ = ["EXERCISES", "CheckFailed", "Exercise"]
 def __getattr__(name: str) -> Exercise:
     if name in EXERCISES:
         return EXERCISES[name]
-    raise AttributeError(f"no exercise has a check named {name!r}")
+    older = "is this package older than your notebook? Install the wheel that came with it"
+    raise AttributeError(f"no exercise has a check named {name!r}; {older}")
 
 
 def __dir__() -> list[str]:

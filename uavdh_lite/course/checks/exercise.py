@@ -133,8 +133,8 @@ class Exercise:
         given = [self._asked(answer, case) for _, case in cases]
         told = list(map(self._told, given, self._right))
         if not any(told):  # once more, in another order
-            both = reversed(list(zip(cases, given, strict=True)))
-            later = (self._later(answer, case, one) for (_, case), one in both)
+            every = reversed(list(zip(cases, given, self._right, strict=True)))
+            later = (self._later(answer, case, one, right) for (_, case), one, right in every)
             return next(filter(None, later), "")
         for sentence, mistake in self.mistakes.items():
             same = (self._asked(mistake, case, read_only=True) for _, case in cases)
@@ -144,7 +144,7 @@ class Exercise:
         own = [k for k in wrong if cases[k][0] == cases[wrong[0]][0]]  # of the same rule
         # The smallest case; one that gives a value says more than one that stops
         k = min(own, key=lambda k: (isinstance(given[k], BaseException), len(repr(cases[k][1]))))
-        if later := self._later(answer, cases[k][1], given[k]):
+        if later := self._later(answer, cases[k][1], given[k], given[k]):
             return later
         said = re.sub(", expected .*", ", which is not right", told[k]) if self.secret else told[k]
         said = f"{self._called(answer, cases[k][1])} {said}."
@@ -157,10 +157,10 @@ class Exercise:
             return f"{said} Is there a `return` in every branch?"
         return f"{said} {cases[k][0]}"
 
-    def _later(self, answer, case: tuple, one) -> str:
-        """What is wrong if an answer does not give the same once more, with read-only arrays."""
+    def _later(self, answer, case: tuple, one, right) -> str:
+        """What is wrong if an answer is not right once more, with read-only arrays."""
         again = self._asked(answer, case, read_only=True)
-        if self._told(one, one) or not self._told(again, one):
+        if self._told(one, one) or not self._told(again, right):
             return ""
         said = f"{self._called(answer, case)} gives {show(one)}, and later {show(again)}."
         return f"{said} A result may not depend on earlier calls or on other chance."
