@@ -210,7 +210,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # Because the pictures are made anew from the state at each step, a change of the *task* often means
 # no more than adding or removing a layer. Here are eight other tasks to think about before you go
 # on. What would you change in the state, in the reward, and in what the network sees? Then open the
-# box and compare, because later notebooks build on these answers.
+# box and compare, because the answers are part of the course.
 #
 # - **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches
 #   each from the landing zone.

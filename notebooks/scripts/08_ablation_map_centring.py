@@ -311,8 +311,8 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # ## Recap
 #
 # - Change one thing, keep the rest, and run several seeds.
-# - With one seed you can show nearly anything. The runs are the sample, and their number is what
-#   counts.
+# - One seed can show nearly anything: the runs are the sample. Several comparisons need a stricter
+#   level than one.
 # - Give every gap with its interval. If 0 is well inside it, the question is open; if 0 is near one
 #   end, neither answer is safe.
 # - Put baselines next to every number, and compare on the same missions, pair by pair.
