@@ -123,7 +123,9 @@ for name, values in flights.records().items():
 #
 # The score to watch is `collected_and_landed`, because data that goes down with the UAV counts for
 # nothing. The return would not be a fair score by itself: it is large whenever a mission offers a
-# lot of data, and it depends on penalties that people chose.
+# lot of data, and it depends on penalties that people chose. Nor does any of the six say how fairly
+# the devices were served; where that matters, report also the share collected from the device that
+# came off worst.
 #
 # The UAV may not leave the map, fly into a tall building or a no-fly zone, or land outside the
 # landing zones. If it tries to, the *safety controller* makes it hover instead. Notebook 3 comes
