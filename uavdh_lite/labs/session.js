@@ -313,7 +313,9 @@ export class Session {
     if (stage.mission !== mission || stage.flown !== flown) {
       const soon = this.last[0] === kind && performance.now() - this.last[1] < TOGETHER;
       const at = this.at + (soon && ["move", "data", "time"].includes(kind) ? 0 : 1);
-      this.history = [...this.history.slice(0, at), stage].slice(-KEPT);
+      const before = stage.mission === mission ? [] : [...stage.flown]; // the moves of a flight that was opened
+      const moves = before.map((_, k) => ({ ...stage, flown: stage.flown.slice(0, k) }));
+      this.history = [...this.history.slice(0, at), ...moves, stage].slice(-KEPT);
       this.at = this.history.length - 1;
       this.last = [kind, performance.now()];
     }
