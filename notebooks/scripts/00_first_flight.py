@@ -61,13 +61,14 @@ trajectory_figure(environment, flights.trajectory(0))
 # mission says where the devices are and how much data they hold, where the UAV starts, and how much
 # flying time it has.
 #
-# A program that chooses one action after another is called an *agent*. The one above chooses with a
-# neural network, a formula with hundreds of thousands of adjustable numbers, its **weights**. These
-# were *trained*. The agent flew random missions, millions of steps in all, and after each step it
-# received a *reward*, a number that is large if much data came in, slightly negative if none did,
-# and strongly negative if the UAV crashed. The weights were adjusted until the network predicted
-# how much reward each action would lead to, with later rewards counting less. Learning of this
-# kind, by trial and error and from rewards, is called **reinforcement learning**.
+# A program that chooses one action after another is called an *agent*. The one in the picture
+# chooses with a neural network, a formula with hundreds of thousands of adjustable numbers, its
+# **weights**. These were *trained*. The agent flew random missions, millions of steps in all, and
+# after each step it received a *reward*, a number that is large if a lot of data came in, slightly
+# negative if none did, and strongly negative if the UAV crashed. The weights were adjusted until
+# the network could predict how much reward each action would lead to, with later rewards counting
+# less. Learning of this kind, by trial and error and from rewards, is called **reinforcement
+# learning**.
 #
 # The full name of this agent is `manhattan_ddqn`, but in this course we simply call it **the
 # agent**. The library contains other agents. We use this one because it was trained with the method
@@ -124,7 +125,7 @@ for name, values in flights.records().items():
 # The score to watch is `collected_and_landed`, because data that goes down with the UAV counts for
 # nothing. The return would not be a fair score by itself: it is large whenever a mission offers a
 # lot of data, and it depends on penalties that people chose. Nor does any of the six say how fairly
-# the devices were served; where that matters, report also the share collected from the device that
+# the devices were served; where that matters, also report the share collected from the device that
 # came off worst.
 #
 # The UAV may not leave the map, fly into a tall building or a no-fly zone, or land outside the
@@ -196,8 +197,8 @@ for name, each in flown.items():
     print(f"{name:<16}collected {each.end.collected[0]:.0%} in {each.steps[0]} steps")
 
 # %% [markdown]
-# Greedy always goes to the nearest device that still has data, and then home, so the order of its
-# visits does not depend on how much time there is. The random pilot wanders about, and lands as
+# Greedy always goes to the nearest device that still has data, and home at the end, so the order of
+# its visits does not depend on how much time there is. The random pilot wanders about, and lands as
 # soon as it happens to draw `land` in the right place.
 #
 # One flight proves nothing, though. We picked this mission, and in others greedy beats the agent. A
@@ -228,9 +229,9 @@ for metric in scores["random"]:
 # (Notebook 8 repeats this comparison on other missions, so its numbers differ a little from these.)
 # Read the columns from right to left.
 #
-# **Random** lands in most missions, and yet it is useless: it lands with hardly any data. A high
-# `landed` alone does not make a good pilot, and `collected_and_landed` shows how little random
-# achieves.
+# **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data.
+# A high `landed` alone does not make a good pilot, and `collected_and_landed` shows how little this
+# one achieves.
 #
 # **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this
 # city it is a strong rival. Good rules often are.
@@ -239,7 +240,7 @@ for metric in scores["random"]:
 # Both see the street map. Greedy was also given the shortest routes, and a rule that a person had
 # thought up. Nobody told the agent what the map means. Its network started with random weights, and
 # from rewards alone the agent has learned to fly to data, to turn back and to land, in *this* city.
-# How much of this is understanding, and how much is places learned by heart, is a question for
+# How much of this is understanding, and how much is merely learned by heart, is a question for
 # notebook 8.
 #
 # So a rule of a few lines beats a network that took millions of steps to train. **Why learn at
@@ -249,7 +250,7 @@ for metric in scores["random"]:
 # will fly over a city that you typed in only a minute before.
 #
 # A mean hides a lot, so look at individual flights, too. Of the agent's two thousand flights, this
-# is the one that brought home the smallest share:
+# is the one that brought home the smallest share of the data:
 
 # %%
 worst = scores["manhattan_ddqn"]["collected_and_landed"].argmin()
@@ -275,11 +276,11 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # Nor does it know the formulas of the radio channel. It makes no plan, either. At every step it
 # asks afresh which of the six actions looks most promising.
 #
-# You can put the same question to its network. For each action the network gives a number,
-# the **Q-value**: the sum of the rewards that it expects from now on if the agent takes that action
-# and flies well afterwards. Later rewards count less in this sum (one that is twenty steps ahead
-# counts about a third), so a Q-value is usually smaller than the return of the flight. Here are the
-# Q-values at the start of the first mission:
+# You can put the same question to its network. For each action the network gives a number, the
+# **Q-value**: the sum of the rewards that it expects from now on if the agent takes that action and
+# flies well afterwards. Later rewards count less in this sum (one that is twenty steps ahead counts
+# about a third as much as one now), so a Q-value is usually smaller than the return of the flight.
+# Here are the Q-values at the start of the first mission:
 
 # %%
 from uavdh_lite.environment import ACTIONS

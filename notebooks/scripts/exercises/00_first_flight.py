@@ -49,8 +49,8 @@ from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission,
 #
 # <details><summary>Another hint</summary>
 #
-# Divide the sum of all that was collected by the sum of all that was there. Return that if `landed`
-# is true, and 0 if it is not.
+# Divide the sum of `collected` by the sum of `initial`. Return that if `landed` is true, and 0 if
+# it is not.
 # </details>
 
 # %%
@@ -68,7 +68,7 @@ checks.flight_score(collected_and_landed)
 # %% [markdown]
 # To score many flights, take the mean of this number. This is not the same as the mean collected
 # share times the share of flights that landed, because the flights that crash may be those that
-# collected most.
+# collected the most.
 
 # %% [markdown]
 # ## 0.2 · Which flight is the agent's? (1 point, 5 minutes)
