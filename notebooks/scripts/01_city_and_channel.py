@@ -120,20 +120,20 @@ figure
 # sight and 36.4 dB behind a building. The gap between the lines is what the building costs. At 100
 # m that is 27.4 dB: the signal is some 550 times weaker.
 #
-# The distance $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground
-# become $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device $d$ is 10
-# m. Why not fly higher? At a height of 100 m every $d$ is 100 m or more. Directly above the device,
-# that would cost another 22.7 dB. It would also make near and far almost the same, so there would
-# be little reason to fly anywhere. (In reality the UAV would see over the roofs from up there, but
-# our model ignores that.)
+# The distance $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground is
+# $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device $d$ is 10 m. Why
+# not fly higher? At a height of 100 m every $d$ is 100 m or more. Directly above the device, that
+# would cost another 22.7 dB. It would also make near and far almost the same, so there would be
+# little reason to fly anywhere. (In reality the UAV would see over the roofs from up there, but our
+# model ignores that.)
 #
 # ## 1.3 The link budget
 #
-# How strong is the transmitter? The paper does not state $P/\sigma^2$ but the *cell-edge SNR*. This
-# cell is not one of our grid cells, but the area that one station of a phone network serves, which
-# here is the whole map. Between the middle of the map and a device in one of the map's corners, at
-# ground level and in sight, the SNR is −15 dB. From this, $P/\sigma^2$ follows. Take the distance,
-# compute the loss, and add it to the SNR at the corner:
+# How strong is the transmitter? Instead of $P/\sigma^2$, the paper states the *cell-edge SNR*. This
+# cell is not one of our grid cells, but the area that a base station of a phone network serves,
+# which here is the whole map. Between the middle of the map and a device in one of the map's
+# corners, at ground level and in sight, the SNR is −15 dB. From this, $P/\sigma^2$ follows. Take
+# the distance, compute the loss, and add it to the SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2
@@ -165,9 +165,9 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
 # data units. (In real systems $R$ is the *spectral efficiency*, in bits per second per hertz.)
-# There are four such slots in the time that the UAV takes for one move. When signal and noise are
-# equally strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This defines the data unit
-# of the course.
+# There are four such slots in the time that one move takes. When signal and noise are equally
+# strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This defines the data unit of the
+# course.
 #
 # Why a logarithm? If a slot is to carry one unit more, the receiver must tell twice as many
 # different signals apart in the same noise, and at a high SNR that takes twice the power. So
@@ -204,8 +204,8 @@ for distance in (0, 10, 20, 30, 100):
 #   twelfth behind a building.
 # - **Near is fast.** Three cells away and in sight, the UAV gets about a fifth of what it gets
 #   directly above the device.
-# - **Far still counts.** A hundred metres down a street little arrives in a slot, but the slots add
-#   up while the UAV flies on.
+# - **Far still counts.** A hundred metres down a street, little arrives in a slot, but the slots
+#   add up while the UAV flies on.
 # - **A building all but ends the link.** Even at a distance of 10 m on the ground it cuts the data
 #   by more than nine tenths.
 #
@@ -224,9 +224,9 @@ for distance in (0, 10, 20, 30, 100):
 #
 # In a real street shadow fading is *correlated*: the tree that is in the way now is still in the
 # way one step later, so the fading stays similar over tens of metres. The paper nevertheless draws
-# it anew in every slot, and so do we: if good luck came in runs, the luck of the past would say
-# something about the future: it could pay to leave a place with bad luck, and the agent would have
-# to remember it (notebook 3).
+# it anew in every slot, and so do we: if good luck came in runs, past luck would say something
+# about the future, so it could pay to leave a place with bad luck, and the agent would have to
+# remember its luck (notebook 3).
 #
 # In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
 # data?
@@ -236,8 +236,7 @@ Quiz("luck_on_average")
 
 # %% [markdown]
 # To find the mean rate, take all amounts of luck from very bad to very good, and weight the rate
-# for each amount by how likely that amount is, according to the bell curve of the normal
-# distribution.
+# for each amount by how likely that amount is, according to the normal distribution.
 
 # %%
 luck_db, mean_db = np.linspace(-12, 12, 481), snr_db(30, 2.27)
@@ -253,7 +252,7 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
 # %% [markdown]
 # In line of sight, fading helps a little; behind a building it adds about a seventh. The next
 # figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
-# with good luck. (Luck of 6 dB is very rare.)
+# with good luck. (6 dB of luck, good or bad, is very rare.)
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -299,7 +298,7 @@ for name, ground, exponent in (
 # - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four,
 #   because data comes in on the way.
 # - Behind a building, the UAV is only half as far away as down the street, but gets no more than a
-#   tenth as much.
+#   tenth as much data.
 # - Round the corner, fetching the data would take longer than any flight lasts.
 #
 # So the answer to the question at the top is: anywhere that is *in sight* of the device and not too
@@ -311,8 +310,8 @@ for name, ground, exponent in (
 # - Three yes-or-no layers describe the city.
 # - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
-# - If the UAV is at least 10 m away on the ground, a building in between costs more than nine
-#   tenths of the data.
+# - If the UAV is at least 10 m from the device, measured on the ground, a building in between costs
+#   more than nine tenths of the data.
 # - Fading is luck in decibels. On average it helps, because the rate is convex in decibels.
 #
 # ## Exercises

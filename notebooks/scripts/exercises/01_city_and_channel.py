@@ -105,9 +105,9 @@ checks.same_path_loss(same_loss_m)
 #
 # Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is
 # the mean rate then the rate at the mean SNR? Write a function that estimates the mean rate by
-# simulating `draws` slots. The mean SNR in dB is `snr_db`. Each slot has its own fading with the
-# variance `variance_db2`, in dB², drawn from `generator`, a `numpy.random.Generator`. Turn SNRs
-# into rates with the library's function, which is imported above as `library_rate`.
+# simulating `draws` slots. The mean SNR in dB is `snr_db`. Each slot has its own fading, which is
+# drawn from `generator`, a `numpy.random.Generator`, and has the variance `variance_db2`, in dB².
+# Turn SNRs into rates with the library's function, which is imported above as `library_rate`.
 #
 # <details><summary>Hint</summary>
 #
