@@ -177,8 +177,8 @@ figure
 # UAV. Each entry says whether the two see each other. The table is computed only once per city,
 # because buildings do not move. During a flight the program only looks things up in it, so the
 # devices may stand elsewhere in the next mission at no extra cost. The table has $16^4 = 65{,}536$
-# entries, because every cell is paired with every cell. A city twice as wide has 16 times as many,
-# and its rays are twice as long.
+# entries, because every cell is paired with every cell. For a city twice as wide it has 16 times as
+# many, and the rays are twice as long.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
@@ -225,8 +225,8 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 # visit, and in which order? Deciding this is the agent's task.
 #
 # The library is not the only program that draws such shadows. The authors of the paper trace their
-# rays in a different way, which makes mistakes; [notebook 13](13_any_city.ipynb) compares the two
-# methods over many cities.
+# rays by a different method, which makes mistakes; [notebook 13](13_any_city.ipynb) compares the
+# two over many cities.
 #
 # ## Recap
 #
@@ -236,7 +236,7 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 # - Two buildings that share a corner block the ray through that corner. One building alone does
 #   not.
 # - A table says for every pair of cells whether they see each other, and the answer is the same in
-#   both directions. The violet of a cell counts the devices that are hidden from it.
+#   both directions. The deeper the violet of a cell, the more devices are hidden from it.
 #
 # ## Exercises
 #
