@@ -97,7 +97,7 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 #
 # The sign ~ means “is drawn from”, and the dot stands for the next state. The distribution depends
 # only on the present state $s_t$ and the action $a_t$, not on how the UAV came to be there. A world
-# with this property is a **Markov decision process**, MDP. It has five parts: the states, the
+# with this property is a **Markov decision process** (MDP). It has five parts: the states, the
 # actions, the distribution $p$, the reward (3.3), and a discount, which says how much later rewards
 # count (notebook 6). Our world has the property because fading is drawn anew in every slot; if good
 # luck came in runs, the state would have to include past luck. The time left belongs in the state
@@ -146,14 +146,14 @@ figure
 # it.
 #
 # Why is data paid for when it comes in, and not at the landing, as the score would have it? Because
-# a reward at the landing would come dozens of steps after the turn that earned it. A reward that is
-# paid at once stands beside the step that brought in the data. The drawback is that return and
-# score are no longer the same, and only the penalty for a crash makes the agent bring its data home
-# (notebook 7).
+# a reward at the landing would come dozens of steps after the move that earned it. A reward that is
+# paid at once goes to the step that brought in the data. The drawback is that return and score are
+# no longer the same, and only the penalty for a crash makes the agent bring its data home (notebook
+# 7).
 #
 # Is 0.2 a good price for a step? At a price of 0 there would be no reason to land before the last
-# moment. At 5, most flights would cost more than they bring in. At 0.2, a detour of ten steps pays
-# if it brings in more than two data units.
+# moment. At 5, most flights would cost more than they brought in. At 0.2, a detour of ten steps
+# pays if it brings in more than two data units.
 #
 # ## 3.4 The safety controller
 #
@@ -181,12 +181,12 @@ for action in (NORTH, NORTH):
 # episodes would hardly ever last long enough for it to collect much.
 #
 # The controller is a part of the UAV, not of the training. The trained agent still needs it,
-# because each of the few wrong moves that the agent makes in a hundred missions could be a
-# collision.
+# because it makes a few wrong moves in every hundred missions, and without the controller each
+# could be a collision.
 #
-# One could also remove the forbidden actions from the choice, which is called **masking**. Then the
-# agent would not need penalties to learn where the walls are. The paper lets the agent try such
-# actions and pay, so that it has to learn to read the map.
+# One could also remove the forbidden actions from the agent's choices, which is called **masking**.
+# Then the agent would not need penalties to learn where the walls are. The paper lets the agent try
+# such actions and pay, so that it has to learn to read the map.
 #
 # One disaster remains: the time is up, and the UAV is still in the air.
 
@@ -213,8 +213,8 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # Each step has four communication slots, because much can change within a move of 10 m: the UAV may
 # come round a corner, and the fading changes. In each slot *one* device sends: of those with data
 # left, the loudest, that is, the one with the best SNR. Sharing a channel by taking turns in time
-# is called **time division multiple access**, TDMA (paper, eq. 3). The data that a step brings in
-# is the sum over its slots (eq. 4).
+# is called **time division multiple access**, or TDMA (paper, eq. 3). The data that a step brings
+# in is the sum over its slots (eq. 4).
 #
 # Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
 # some missions would be lucky from start to end, and a pilot would first have to find out by
@@ -256,8 +256,8 @@ figure
 # a simple rule already does well. And even without such an action the agent has a say, because
 # where it flies decides which device is loudest.
 #
-# From slot to slot the UAV moves on a little: in slot $i$ it has flown $i$ quarters of the way. In
-# the next figure it flies east, past the corner of a building. Fading is left out:
+# From slot to slot the UAV moves on: in slot $i$ it has flown $i$ quarters of the way. In the next
+# figure it flies east, past the corner of a building. Fading is left out:
 
 # %%
 corner = Mission(environment.city, (4, 2), ((5, 4),), (50,), 30).state
@@ -272,11 +272,11 @@ right.set(xlabel="communication slot", ylabel="data units uploaded", xticks=rang
 figure
 
 # %% [markdown]
-# The dots are the UAV in the four slots, and the cross is the device. In slot 1 the building is in
-# the way. From slot 2 on, the device is in sight, and each slot carries a little more than the one
-# before. How does the program know? The table of notebook 2 has one answer for each *cell*, whereas
-# the UAV is now between two cells. So the nearer of the two decides whether the UAV is in sight.
-# Halfway, in slot 2, both are equally near, and then the cell ahead counts.
+# The dots show where the UAV is in the four slots, and the cross is the device. In slot 1 the
+# building is in the way. From slot 2 on, the device is in sight, and each slot carries a little
+# more than the one before. How does the program know? The table of notebook 2 has one answer for
+# each *cell*, whereas the UAV is now between two cells. So the nearer of the two decides whether
+# the UAV is in sight. Halfway, in slot 2, both are equally near, and then the cell ahead counts.
 #
 # ## 3.6 Fly it yourself
 #
@@ -306,8 +306,8 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 # that device is empty, and from there it is a long way to the second. You had a map of the shadows
 # to plan with. The agent has none, and yet it brings everything home, too.
 #
-# One mission shows no more than that a good rule can be beaten. In the lab *Fly* you can fly many
-# more missions, with the arrow keys.
+# One mission shows only that a good rule can be beaten. In the lab *Fly* you can fly many more
+# missions, with the arrow keys.
 #
 # ## Recap
 #

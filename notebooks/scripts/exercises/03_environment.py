@@ -77,13 +77,13 @@ checks.tdma_slot(slot)
 # Here are two short flights, the first with two devices and the second with one. The reward is 1
 # for each data unit uploaded, −0.2 for each step in which the UAV does not land, −1 if the safety
 # controller intervenes, and −150 if the flying time runs out without a landing. If several of these
-# apply to a step, add them up. The column "the link could carry" says how many data units could go
-# up in the four slots of the step, and from which device; a device cannot upload more than it has
-# left. In the step that ends an episode, be it a landing or a crash, nothing is uploaded.
+# apply to a step, add them up. The column "the link could carry" says how many data units could be
+# uploaded in the four slots of the step, and from which device; a device cannot upload more than it
+# has left. In the step that ends an episode, be it a landing or a crash, nothing is uploaded.
 #
 # **Flight A.** At the start device 0 has 4.0 data units and device 1 has 3.0.
 #
-# | step | time left before it | action | what happens | the link could carry |
+# | step | time left before the step | action | what happens | the link could carry |
 # | --- | --- | --- | --- | --- |
 # | 1 | 6 | south | flies south | 0.0 (device 0) |
 # | 2 | 5 | east | there is a tall building: hovers instead | 0.5 (device 0) |
@@ -94,7 +94,7 @@ checks.tdma_slot(slot)
 #
 # **Flight B.** At the start its device has 6.0 data units.
 #
-# | step | time left before it | action | what happens | the link could carry |
+# | step | time left before the step | action | what happens | the link could carry |
 # | --- | --- | --- | --- | --- |
 # | 1 | 3 | north | flies north | 1.8 |
 # | 2 | 2 | land | not in the landing zone: hovers instead | 1.0 |
@@ -136,8 +136,8 @@ checks.rewards_by_hand(rewards_by_hand)
 # - if it is a move that leaves the grid or enters a cell in which the UAV may not fly;
 # - if it is `land`, and the UAV is not over the landing zone.
 #
-# A UAV that hovers or lands stays in its cell. The city holds the number M as `city.size`, and has
-# three Boolean layers (M, M), indexed `[row, col]`:
+# A UAV that hovers or lands stays in its cell. The number M is `city.size`, and the city has three
+# Boolean layers (M, M), indexed `[row, col]`:
 #
 # - `city.landing`: the landing zone
 # - `city.no_fly`: where the UAV may not fly, that is, no-fly zones and tall buildings
