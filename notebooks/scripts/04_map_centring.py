@@ -66,7 +66,7 @@ Quiz("frame_size")
 # %% [markdown]
 # A city with $M$ cells on each side needs a frame that is $2M-1$ cells wide. When the UAV is at one
 # edge of the city, the opposite edge is $M-1$ cells away. That can happen in either direction, so
-# the frame has $M-1$ cells on both sides of the UAV's own cell, and all of the city is in the
+# the frame has $M-1$ cells on both sides of the UAV's own cell, and the whole city is in the
 # picture wherever the UAV is. Outside the city the layer "no-fly zone" is 1, because leaving the
 # city is refused just as entering a no-fly zone is. All other layers are 0 there.
 #
@@ -92,14 +92,14 @@ for units in (50, 14, 10):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
-# One device is far away in the north, the other is near, in the east, and home is in the
+# One device is far away to the north, the other is close by to the east, and home is to the
 # south-east. The five pictures are the same each time, but the answers are not. With 50 units left,
 # and with 14, the agent makes for the near device. With 10 it turns for home, because nine moves
 # and the landing take exactly that long. From the pictures alone it could not tell these cases
 # apart, so it would have to do the same in all three.
 #
-# To see what the time is worth, let the agent fly 200 missions with a **stopped clock**. The agent
-# sees the true pictures, but the time that it is shown never changes. The true time runs out
+# To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. The
+# agent sees the true pictures, but the time that it is shown never changes. The true time runs out
 # nevertheless.
 
 # %%
@@ -140,11 +140,11 @@ figure.legend(loc="outside right upper", fontsize="small");
 #
 # Without the time, what the agent sees, its **observation**, would not be a **Markov** state,
 # because the future would depend on something that the agent cannot see. The problem would be
-# *partially observable*, a **POMDP** (3.2). With the time it is not, because map and time together
-# hold all of the state that matters.
+# *partially observable*, a **POMDP** (3.2). With the time it is not, because the map and the time
+# together hold all of the state that matters.
 #
 # The layer "data left" is there for the same reason. Without it the agent would not see a device
-# until some of its data had come in, and even then it would not see how much is left, so it could
+# until some of its data had come in, and even then it would not see how much was left, so it could
 # not tell when to fly on. The layer "data collected" could be left out, because the future does not
 # depend on it; it is there because the paper has it.
 #
@@ -177,12 +177,12 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # of a UAV at the western edge. The frame of $2M-1$ cells is the smallest in which every
 # *displacement* from the UAV has a place of its own.
 #
-# A centred picture allows one more thing: it can be turned by right angles and mirrored, as long as
-# the action turns with it (north becomes west). So a single step of a flight gives eight examples
-# to learn from, four directions and their mirror images, without another flight. This is called
-# *data augmentation*. It is allowed because neither the radio nor the moves prefer a direction;
-# with wind, or with an antenna that points north, it would be wrong. The agents of notebooks 9 and
-# 12 that learn by copying are trained in this way, but the DDQN agent of this course is not.
+# A centred picture can also be turned by right angles and mirrored, as long as the action turns
+# with it (north becomes west). So a single step of a flight gives eight examples to learn from,
+# four directions and their mirror images, without another flight. This is called *data
+# augmentation*. It is allowed because neither the radio nor the moves prefer a direction; with
+# wind, or with an antenna that points north, it would be wrong. The agents of notebooks 9 and 12
+# that learn by copying are trained in this way, but the DDQN agent of this course is not.
 #
 # ## 4.4 Why pictures?
 #
@@ -198,9 +198,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # - **The order does not matter.** In a list, "device 1 here, device 2 there" and "device 2 here,
 #   device 1 there" look different, although they are the same mission, and a network would have to
 #   learn both. On the map they are the same picture.
-# - **The city can be seen beside the devices.** A device behind a building forms a pattern in the
-#   picture. In a list of numbers the building does not appear at all, so everything about the city
-#   would have to be learned by heart.
+# - **The city can be seen together with the devices.** A device behind a building forms a pattern
+#   in the picture. In a list of numbers the building does not appear at all, so everything about
+#   the city would have to be learned by heart.
 #
 # The price is size: 4805 numbers instead of a few. A network with a separate adjustable number,
 # a *weight*, for each of them would have to learn the same thing again for each place in the
@@ -220,7 +220,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #   into its memory.
 # - **Two UAVs** share the devices.
 # - **Landing anywhere.** The UAV may land in any cell.
-# - **Devices that move.** They walk through the streets while the UAV flies.
+# - **Devices that move.** They roam the streets while the UAV flies.
 # - **Any direction.** An action is an angle and a speed instead of one of six words.
 # - **A city ten times as wide.**
 #
@@ -228,10 +228,10 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels
 # expected here". Each delivery earns a reward. The layer of buildings, which says what blocks the
-# radio, can go; the no-fly layer stays. The same picture asks for one action with a parcel on board
-# and for another without, so "on board" goes in as one more number beside the time. That is enough
-# if any parcel will do at any place. If each parcel has an address, the map must show where the one
-# on board has to go, or the problem is a POMDP.
+# radio, can go; the no-fly layer stays. The same picture calls for one action with a parcel on
+# board and for another without, so "on board" goes in as one more number beside the time. That is
+# enough if any parcel will do at any place. If each parcel has an address, the map must show where
+# the one on board has to go, or the problem is a POMDP.
 #
 # *Swapped battery:* there are now two times, one for the battery and one for the mission. Both
 # belong in the state and in what the network sees. The UAV now crashes if its battery runs out in
@@ -244,30 +244,30 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # the task becomes a POMDP. So show the rates in a layer of their own; otherwise the agent has to
 # guess them.
 #
-# *Two UAVs:* the state holds both places and both times. Each UAV's network gets one more layer,
-# which shows where the other UAV is. Either the two share one reward, or they compete. The safety
-# controller stops two UAVs from entering the same cell. While one of them learns, the world in
-# which the other one flies changes, so the steps that the other one has stored to learn from
-# (notebook 6) come from a world that is no longer there ([a map of the
+# *Two UAVs:* the state holds the position and the remaining time of each. Each UAV's network gets
+# one more layer, which shows where the other UAV is. Either the two share one reward, or they
+# compete. The safety controller stops two UAVs from entering the same cell. While one of them
+# learns, the world in which the other one flies changes, so the steps that the other one has stored
+# to learn from (notebook 6) come from a world that is no longer there ([a map of the
 # field](../docs/tutorials/map_of_the_field.md)).
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
 # turn back. It still has to choose its route, and it lands when no data is left that is worth the
 # steps needed to fetch it, or else with its last unit of time.
 #
-# *Devices that move:* the next state now also depends on where the devices happen to walk. If each
-# of their steps is independent of the one before, their present places are enough. If they keep
-# their direction, one picture does not show it, and the task is a POMDP. There are three remedies:
-# a layer that shows the directions, the last few pictures together (**frame stacking**), or a
-# network with a memory (a **recurrent** network).
+# *Devices that move:* the next state now also depends on where the devices happen to go. If each of
+# their steps is independent of the one before, their present places are enough. If they keep their
+# direction, one picture does not show it, and the task is a POMDP. There are three remedies: a
+# layer that shows the directions, the last few pictures together (**frame stacking**), or a network
+# with a memory (a **recurrent** network).
 #
 # *Any direction:* positions are now decimal numbers, and the grid shows them only roughly. The
 # harder change is in the agent. Ours gives a number to each of six actions and takes the action
 # with the largest number. Angles and speeds cannot be listed like this, so methods such as **soft
 # actor-critic** (SAC) train a second network that proposes the action ([a map of the
-# field](../docs/tutorials/map_of_the_field.md)). A few *heights* could still be listed: there would
-# be two more actions, up and down, and the height as one more number beside the time. But then the
-# height decides which links are blocked, so the layer of buildings must say how tall they are.
+# field](../docs/tutorials/map_of_the_field.md)). A few *heights* could still be listed: up and down
+# would be two more actions, and the height one more number beside the time. But then the height
+# decides which links are blocked, so the layer of buildings must say how tall they are.
 #
 # *Ten times as wide:* the frame would have 319 cells on each side, so the network would have to
 # read about a hundred times as many numbers as now. A later article by the same authors therefore
