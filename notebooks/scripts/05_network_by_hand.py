@@ -35,7 +35,7 @@ SVG(data_folder() / "figures/network.svg")
 # | **What you'll learn** | Neuron, loss, gradient descent, backpropagation, convolution, stride, receptive field, PyTorch's training loop |
 # | **What you'll need** | Notebook 4, the derivative of a function. 50 minutes to read, 60 seconds to run; 42 minutes of exercises |
 #
-# If you have trained networks before, read 5.5 to 5.7.
+# If you have trained networks before, start at 5.5.
 #
 # ## 5.1 A neuron
 #
@@ -63,8 +63,9 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 # neuron asks a question about its inputs, and its weights say which: here, whether something is on
 # the right and nothing on the left.
 #
-# Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is a picture.)
-# A layer is **fully connected**, or *dense*, if each of its neurons has a weight for every input.
+# Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is something
+# else: a picture.) A layer is **fully connected**, or *dense*, if each of its neurons has a weight
+# for every input.
 #
 # What does a second layer gain us? Nothing yet. Plotted against any one input, a neuron's output is
 # a straight line. A weighted sum of straight lines is again a straight line, so two layers can do
@@ -88,8 +89,8 @@ ax.legend();
 #
 # ## 5.2 Going downhill
 #
-# At first all weights are random numbers, because equal neurons would all learn the same. A
-# **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the output
+# At first all weights are random numbers, because identical neurons would all learn the same thing.
+# A **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the output
 # gets worse. Its *slope* with respect to a weight says whether the loss grows or shrinks when the
 # weight grows. So the weight steps downhill: it changes by minus the slope times a small number,
 # the **learning rate**. This is **gradient descent**. The *gradient* is the list of all slopes.
@@ -112,12 +113,12 @@ ax.set(xlabel="weight", ylabel="loss");
 # %% [markdown]
 # The steps get shorter as the curve gets flatter, and the weight settles at the bottom. With a
 # learning rate of 0.2 each step would jump across the valley and land higher up on the other side;
-# with 0.0002 the weight would hardly move. A number that is chosen like this, and not learned, is a
+# with 0.0002 the weight would hardly move. A number that is chosen rather than learned is a
 # **hyperparameter**.
 #
 # The slope in the code has the input, 3, as a factor. So the weight of an input of 70 takes far
 # longer steps than the weights of inputs near 1, and overshoots at a learning rate at which those
-# hardly move. That is why data and time are scaled to a few units at most.
+# hardly move. That is why data and time are scaled to small numbers.
 #
 # With squared errors, a single error of 150 pulls at the weights as hard as 150 errors of 1. So our
 # agents learn with the **Huber loss**, a parabola near 0 and a straight line further out, where the
@@ -180,7 +181,7 @@ def train(model, x, y, updates=400):
 #   each weight: they become longer while its slopes keep their sign, and shorter while the sign
 #   keeps flipping.
 # - `loss = …` is the forward pass, in which PyTorch notes each operation. The loss is a mean over a
-#   **minibatch**, because taking all examples would be slower, and a single one would be too noisy.
+#   **minibatch**, because using all examples would be slower, and using a single one too noisy.
 # - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
 #   them.
 # - `loss.backward()` is backpropagation, which finds all slopes.
@@ -243,8 +244,8 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # UAV**, within three rows and three columns? The answer is +1 if so and −1 if not. Our 8000
 # examples are pairs of a device's cell and a UAV's cell; in half of them the device is near. Every
 # other pair is for training, the rest for the test. *In place*, a map has two layers, one with a 1
-# in the device's cell and one with a 1 in the UAV's. *Centred*, it has one, with a 1 where the
-# device is as seen from the UAV.
+# in the device's cell and one with a 1 in the UAV's. *Centred*, it has only one, with a 1 at the
+# device's position relative to the UAV.
 
 # %%
 from uavdh_lite.course.near_far import near_pairs
@@ -282,8 +283,9 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # training pairs by heart, and guesses at new ones. This is **overfitting**: the network fits its
 # examples better than the world that they come from. A weight of its first layer belongs to an
 # absolute place, such as "device at (4, 7)". Whether that is near depends on the UAV, so what the
-# network learns about one pair tells it little about the next. Other remedies than those below are
-# more examples, or stopping when the results on other examples get worse (**early stopping**).
+# network learns about one pair tells it little about the next. Besides the two remedies below, more
+# examples would help, and so would stopping when the results on unseen examples get worse (**early
+# stopping**).
 #
 # The **convolutions** avoid this problem. Their window sees the UAV and a near device *together*,
 # wherever in the city they are. And with the **centred** map even the dense network is nearly
@@ -298,7 +300,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # ## 5.7 The whole network
 #
 # In the drawing at the top, the last layer has six neurons, so a single pass gives all six
-# Q-values. They have no ReLU, because a Q-value may be negative.
+# Q-values. These neurons have no ReLU, because a Q-value may be negative.
 #
 # | layer | output with the recipe `paper` (authors' code) | output in our agent |
 # | --- | --- | --- |
@@ -306,7 +308,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # | convolution, 16 kernels 5×5 | 16×27×27 | 16×9×9, with stride 3 |
 # | convolution, 16 kernels 5×5 | 16×23×23 | 16×5×5 |
 # | flattened into a list, with the time | 8465 | 401 |
-# | three fully connected layers | 256 each | 256 each, with **layer normalisation** before the leaky ReLU (512 weights more in each) |
+# | three fully connected layers | 256 each | 256 each, with **layer normalisation** before the leaky ReLU (512 more weights in each) |
 # | output | 6 | 6 |
 # | weights in all | 2,308,854 | 246,006 |
 #

@@ -48,7 +48,7 @@ from uavdh_lite.course import checks
 # <details><summary>Hint</summary>
 #
 # You need two slopes. Keep the error $w x_k + b - y_k$ of each example in an array. How does the
-# square of the error change if $w$ grows a little, and how if $b$ does?
+# square of the error change if $w$ grows a little? And if $b$ does?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -129,9 +129,9 @@ checks.convolve(convolve)
 #   in the first convolution those of the map, in a later one a layer for each kernel of the
 #   convolution before it. There is no padding: a kernel is placed only where it lies wholly inside
 #   its input. It starts in the corner and moves on by `stride` cells each time, along the rows and
-#   the columns, as long as it fits;
-# - flattening into a list, to which the flying time is appended as one more number;
-# - fully connected layers, one for each number in `hidden`, with that many neurons;
+#   the columns, as long as it fits.
+# - flattening into a list, to which the flying time is appended as one more number.
+# - fully connected layers, one for each number in `hidden`, with that many neurons.
 # - a fully connected output layer.
 #
 # Each kernel and each neuron, including those of the output, has a bias. How many numbers does the
@@ -159,7 +159,7 @@ checks.convolve(convolve)
 #
 # <details><summary>Hint</summary>
 #
-# Follow the shape of the map through the network and write it into a table: the number of layers
+# Follow the shape of the map through the network and write it down in a table: the number of layers
 # and the side before and after each convolution, then the length of the list, then the neurons of
 # each fully connected layer. Each kernel and each neuron has a bias.
 # </details>
