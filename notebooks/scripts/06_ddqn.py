@@ -47,7 +47,8 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # ## 6.1 A table
 #
 # We begin with a city of four by four cells. The UAV starts in the south-west. In the north-east
-# corner stands a device with 10 units of data, and there the episode ends. Each step costs 0.2.
+# corner stands a device; reaching it brings 10 units of data and ends the episode. Each step costs
+# 0.2.
 #
 # Imagine a table $Q$ with one number for each cell $s$ and action $a$. Each entry *should* be what
 # you earn from that cell on if you take that action and fly well afterwards. The last step brings
@@ -65,8 +66,8 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # right-hand side is a mean.)
 #
 # Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
-# $s'$, and so what the right-hand side is *at present*. This is the **target** $y$. The entry moves
-# a fraction $\alpha$, the learning rate, of the way to it:
+# $s'$, and so the *present* value of the right-hand side. This is the **target** $y$. The entry
+# moves a fraction $\alpha$, the learning rate, of the way to it:
 #
 # $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
@@ -75,7 +76,7 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # luck average out. If the distribution $p$ of notebook 3 were known, a small table could be
 # computed without a flight (**dynamic programming**); Q-learning needs no $p$: it is *model-free*.
 #
-# After the end of an episode nothing follows, so there $y=r$. If one forgets this, rewards seem to
+# Nothing follows the last step of an episode, so there $y=r$. If you forget this, rewards seem to
 # go on after a crash.
 #
 # Not every stop is an end. When our UAV's time is up, which the agent can foresee from the state,
@@ -102,7 +103,7 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 # %% [markdown]
 # After one flight only the last cell before the device knows that something good is near. Each
 # further flight spreads the news, until the start in the lower left corner is worth 6.7. This is
-# how a table solves **credit assignment**: from the back to the front.
+# how a table solves **credit assignment**: from back to front.
 #
 # The UAV picked all actions at random, and still learned what *good* flying is worth, because the
 # target asks for the *best* next action and not for the one taken next. A method that may learn
@@ -126,8 +127,8 @@ for gamma in (0.5, 0.95, 1.0):
 # With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=1$ it counts in full, which
 # does no harm here. So **why discount, if the plain sum is what we want?**
 #
-# - *Errors.* Each value is built on an estimate of the next one, that on the one after it, and so
-#   on. Each link adds an error, and $\gamma$ shrinks the errors from far away.
+# - *Errors.* Each value is estimated from the next, which is estimated from the one after it, and
+#   so on. Each link adds an error, and $\gamma$ shrinks the errors from far away.
 # - *Noise.* Rewards fifty steps ahead depend on fifty draws of the fading and fifty actions still
 #   to be chosen, so they say little about which action is better *now*.
 # - *Time.* With $\gamma=0.95$ news of a reward need not travel back more than a few dozen steps.
@@ -167,7 +168,7 @@ for gamma in (0.5, 0.95, 1.0):
 # flew most of these steps.
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem
-#   that it should solve. A large one also holds older steps, flown by agents that knew less. What
+#   it was meant to solve. A large one also holds older steps, flown by agents that knew less. What
 #   counts is how many *flights* it holds ([notebook 11](11_replay.ipynb)).
 # - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be
 #   in about one of 400 minibatches of 128. The paper's **combined experience replay** puts it into
@@ -195,13 +196,13 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # All three networks have exploded. Why, when a table does not?
 #
 # An update raises $Q(s,a)$ towards $y$. In a table nothing else would change. In the network the
-# same weights also make the values of the neighbouring cells, so those rise, too, and *the next
-# cell $s'$ is a neighbour*. But $y$ is made from the values of $s'$. So by moving towards the
-# target, the network has pushed the target away. Next time it takes a longer step, and pushes
+# same weights also determine the values of the neighbouring cells, so those rise, too, and *the
+# next cell $s'$ is a neighbour*. But $y$ is computed from the values of $s'$. So by moving towards
+# the target, the network has pushed the target away. Next time it takes a longer step, and pushes
 # harder.
 #
-# If an update raises the best value of $s'$ by more than $1/\gamma\approx1.05$ times as much as
-# $Q(s,a)$, the gap between $Q(s,a)$ and its target grows.
+# If an update raises the best value of $s'$ more than $1/\gamma\approx1.05$ times as far as it
+# raises $Q(s,a)$, the gap between $Q(s,a)$ and its target grows.
 #
 # Three things have come together: a network that generalises, targets made from its own estimates
 # (**bootstrapping**), and learning off-policy. Together they are the *deadly triad*: no theorem
@@ -216,11 +217,11 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
-# While the online network takes a step, the targets hardly move, so it can catch up. The target
-# network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. (The deep Q-network
-# of 2015 made *hard* updates instead: a full copy every 10,000 updates.) With $\tau=0.00001$ its
-# targets would stay meaningless for the whole run; with $\tau=1$ both networks are the same. Here
-# is $\tau=0.05$:
+# While the online network takes a step, the targets hardly move, so it can catch up with them. The
+# target network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. (The deep
+# Q-network of 2015 made *hard* updates instead: a full copy every 10,000 updates.) With
+# $\tau=0.00001$ the targets would stay meaningless for the whole run; with $\tau=1$ both networks
+# are the same. Here is $\tau=0.05$:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -293,8 +294,8 @@ Quiz("whose_maximum")
 # %% [markdown]
 # The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth?
 # The luckiest error answers both, so the value comes out too high: a **maximisation bias**. In
-# **double Q-learning** one set of estimates chooses and another one judges. In the paper's target
-# these are the online and the target network (eq. 8):
+# **double Q-learning** one set of estimates chooses and another judges. In the paper's target these
+# are the online and the target network (eq. 8):
 #
 # $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
 #

@@ -4,7 +4,7 @@
 # These exercises go with notebook `06_ddqn`. Here you build a deep Q-network yourself, in six
 # steps: a table that learns, a network in its place, a memory, a target network, the double target
 # and the softmax policy. In the exercises of notebook 7 the six become one program that learns to
-# fly over the village.
+# fly over a village.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
 # says whether the answer is right, and if not, what is probably wrong. It looks at what your code
@@ -62,7 +62,7 @@ def step(cell, action):
 # - `start`: the cell, (row, column), in which each flight begins; a flight goes on until `step`
 #   says that it has ended
 # - `flights`: the number of flights; `gamma`, `alpha`: $\gamma$ and $\alpha$
-# - `generator`: a `numpy.random.Generator`, for example for `generator.integers(4)`
+# - `generator`: a `numpy.random.Generator`, from which `generator.integers(4)` draws a move
 #
 # Return the table: an array of shape (4, 4, 4), `q[row, column, action]`, all zeros at first.
 #
@@ -103,8 +103,8 @@ checks.learned_table(learn_table)
 # %% [markdown]
 # ## PyTorch, as much as you need
 #
-# From here on you need the following parts of PyTorch, in 6.4 and 7.1 as well. The lines can be run
-# one after the other.
+# From here on, and again in 7.1, you need the following parts of PyTorch. The lines can be run one
+# after the other.
 #
 # | what it does | a line |
 # | --- | --- |
@@ -158,8 +158,8 @@ print(memory[:3])
 #
 # Return the network. Called with a tensor of cells, $(B, 2)$, it should give their Q-values, $(B,
 # 4)$. One hidden layer of 64 units with ReLU, Adam with a learning rate of 0.01 and minibatches of
-# 32 random rows do well. The loss is the mean of $(y - Q(s, a))^2$ (paper, eq. 7), where $Q(s, a)$
-# belongs to the action that was taken and $y = r + \gamma \max_{a'} Q(s', a')$ comes from the
+# 32 random rows work well. The loss is the mean of $(y - Q(s, a))^2$ (paper, eq. 7), where $Q(s,
+# a)$ belongs to the action that was taken and $y = r + \gamma \max_{a'} Q(s', a')$ comes from the
 # **same** network; at the end of an episode, $y = r$. The target is a fixed number: no gradient
 # flows through it.
 #
@@ -217,11 +217,11 @@ checks.learned_network(learn_network)
 # - `Ring(capacity)`: an empty memory for `capacity` ≥ 1 items.
 # - `add(item)`: stores an item. If the memory is full, the new item takes the place of the oldest
 #   one.
-# - `sample(size, generator)`: a list of `size` ≥ 1 items in any order. One is the newest. Each of
-#   the other `size` − 1 is drawn from *all* stored items, the newest included. All are equally
-#   likely, and the draws are independent of each other, so an item may appear more than once.
-#   `generator` is a `numpy.random.Generator`; all randomness must come from it, for example from
-#   `generator.integers(0, n, count)`, which gives `count` whole numbers from 0 to `n` − 1.
+# - `sample(size, generator)`: a list of `size` ≥ 1 items in any order. One of them is the newest.
+#   Each of the other `size` − 1 is drawn from *all* stored items, the newest included. All are
+#   equally likely, and the draws are independent of each other, so an item may appear more than
+#   once. `generator` is a `numpy.random.Generator`; all randomness must come from it, for example
+#   from `generator.integers(0, n, count)`, which gives `count` whole numbers from 0 to `n` − 1.
 #   `sample` is never called on an empty memory.
 #
 # An item is a tuple with any content; return the very tuples that were added. Adding should not get
@@ -304,7 +304,7 @@ checks.ring_buffer(Ring)
 #
 # <details><summary>Hint</summary>
 #
-# Four lines are new or changed: one makes the copy, one computes y, and two follow after
+# Four lines are new or changed: one makes the copy, one computes y, and two come after
 # `optimiser.step()`. Do not forget to stop the gradient there.
 # </details>
 #
@@ -380,7 +380,7 @@ checks.learned_calmly(learn_calmly)
 #
 # The wrong function lets one network do both. argmax says which action is best; use the number of
 # that action in each row to look up what the action is worth. And a Boolean counts as 0 or 1 in a
-# product: which of the two terms falls away at the end?
+# product: which of the two terms drops out at the end?
 # </details>
 
 # %%
