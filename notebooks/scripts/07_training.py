@@ -80,7 +80,7 @@ print(inspect.getsource(Trainer.step))
 # - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing.
 #   Otherwise the first minibatches would be drawn again and again from the same few steps.
 # - The agent learns from the rewards of `training_rewards_at`, in which the cost of a crash may
-#   grow during the run. It is measured by the rewards `REPORTED`, which are fixed.
+#   grow during the run. The agent is judged by the rewards `REPORTED`, which are fixed.
 #
 # ## 7.2 Train one now
 #
@@ -114,7 +114,7 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # and the largest of many scores is on average too high, like the maximum in 6.5. So the final score
 # of an agent comes from a third set of missions, the *test*. The sets for training, validation and
 # test have no mission in common. In validation and test, a *seed*, the number that starts the
-# random numbers, makes every agent fly the same missions.
+# stream of random numbers, makes every agent fly the same missions.
 
 # %%
 def draw(ax, rows, title):
@@ -196,8 +196,8 @@ Quiz("huge_penalty")
 # %% [markdown]
 # **The lazy agent.** What if a crash costs 150 from the start? The next cell compares such a recipe
 # with `lite`, in which the cost begins at 10. Three runs of each were recorded over an earlier map
-# of Manhattan. They have only 300,000 steps, so their schedules are faster than in longer runs, and
-# these agents end up better than those of longer runs are at that step.
+# of Manhattan. They have only 300,000 steps, so whatever changes during a run changes faster than
+# in longer runs, whose agents are still worse at that step.
 
 # %%
 study = read_table(data_folder() / "runs/deviations-manhattan.csv.gz")
@@ -241,7 +241,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # then crashing can pay. A penalty of 150 still counts 90.
 #
 # What if *every* reward were ten times as large? The best policy would be the same, but $\beta$ and
-# the Huber loss must be scaled, too. Otherwise the agent would hardly explore, and more errors
+# the Huber loss would need scaling, too. Otherwise the agent would hardly explore, and more errors
 # would lie in the straight part of the loss.
 #
 # ## 7.5 Two recipes
@@ -266,7 +266,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # If the episode ends within these steps, the sum ends there, without a $Q$.
 #
 # News spreads faster, but there is a price. In 6.1 the target asked for the *best* next action,
-# whatever was flown. Here the second and the third reward were earned by an older agent that was
+# whichever was taken. Here the second and third rewards were earned by an older agent that was
 # exploring, so the target is a little too low. Strictly speaking, such a target is right only for
 # flights of the present agent without exploring. (A *Monte Carlo* target takes all rewards to the
 # end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
@@ -290,9 +290,9 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
        ylabel="collected and landed");
 
 # %% [markdown]
-# In the picture `plain` rises after fewer steps. But it makes many more updates for each step, and
-# it explores less, because β is 0.1 throughout. So the picture compares steps and not work, and it
-# does not show where `plain` would end.
+# In the picture `plain` rises after fewer steps than `lite`. But it makes many more updates for
+# each step, and it explores less, because β is 0.1 throughout. So the picture compares steps and
+# not work, and it does not show where `plain` would end.
 #
 # What would you do if you could afford only a tenth of the steps? First let β, the crash penalty
 # and the learning rate change ten times as fast, make more updates for each step, and begin more

@@ -39,9 +39,9 @@ from uavdh_lite.recipe import SMALL, Recipe
 # %% [markdown]
 # ## 7.1 · Your own DQN flies the village (6 points, 70 minutes)
 #
-# Put the parts from exercises 6 together. It takes about forty lines, and then an agent that you
-# have built yourself flies over a city. The next cell takes three of the parts from the solutions.
-# Paste your own in their place if you like.
+# Put together the parts that you built in the exercises of notebook 6. It takes about forty lines,
+# and then an agent that you have built yourself flies over a city. The next cell takes three of the
+# parts from the solutions. Paste your own in their place if you like.
 
 # %%
 Ring, target_of, policy = (
@@ -73,8 +73,8 @@ print("a batch of", len(pair))
 # Write `train(environment, scenario, rewards, rounds, generator)`. In each round 16 UAVs fly one
 # step, and the network learns from one minibatch:
 #
-# 1. **act**: the Q-values of the states, the softmax policy, and an action for each UAV drawn from
-#    it
+# 1. **act**: the Q-values of the states, the softmax policy, and an action drawn from it for each
+#    UAV
 # 2. **step**: `environment.step`, and `rewards(outcome)`
 # 3. **add**: each UAV's own step goes into the ring, for example as `(state, action, reward, next
 #    state)`, where each state is a batch of one
@@ -88,14 +88,14 @@ print("a batch of", len(pair))
 #
 # This is what worked for us: a convolution of 16 kernels of 3 × 3 with stride 2, then 64 units; a
 # minibatch of 64 and a ring of 20,000; no learning in the first hundred rounds; Adam with a
-# learning rate of 0.002, $\gamma = 0.95$, $\tau = 0.02$; $\beta$ falls from 1 to 0.05 in the
+# learning rate of 0.002, $\gamma = 0.95$, $\tau = 0.02$; $\beta$ falls from 1 to 0.05 over the
 # course of the rounds; `nn.functional.huber_loss` with `delta=5` in place of the squared error (the
 # **Huber loss** is a parabola for small errors and a straight line for large ones, so that a single
 # crash does not pull too hard at the weights).
 #
 # The check trains your agent for 2000 rounds, in about half a minute, and flies it through 500
 # missions, always with the best action. Your agent passes if its *collected and landed* is at least
-# 20 points above that of random flying.
+# 20 percentage points above that of random flying.
 #
 # <details><summary>Hint: the network</summary>
 #
@@ -124,7 +124,7 @@ print("a batch of", len(pair))
 # <details><summary>Hint: actions</summary>
 #
 # `torch.multinomial(probabilities, 1)[:, 0].numpy()` draws an action from each row. The Q-values
-# for acting need no gradient.
+# used for acting need no gradient.
 # </details>
 #
 # <details><summary>Hint: the minibatch</summary>
@@ -226,7 +226,7 @@ compare(ROUNDS)
 # %% [markdown]
 # ## 7.2 · What is wrong with this agent? (1 point, 5 minutes)
 #
-# A greedy validation gives three shares between 0 and 1, each a mean over many missions: `landed`,
+# A validation gives three shares between 0 and 1, each a mean over many missions: `landed`,
 # `collected` (collected data over all data, landed or not) and `time_used` (flying time used over
 # flying time given). The cell below shows nine such validations, from training runs over an earlier
 # map of Manhattan: one with the whole recipe `lite` (`all`), the others with one part of it
@@ -341,8 +341,8 @@ lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_rewa
                temperature=0.1, exploring_starts=0.0)
 
 # %% [markdown]
-# Mend this recipe: use `replace(lazy, ...)` to make one that trains an agent with at least 35 %
-# collected and landed. Only the settings in the following table may be changed. The table shows
+# Mend this recipe: use `replace(lazy, ...)` to make one that trains an agent to collect and land at
+# least 35 % of the data. Only the settings in the following table may be changed. The table shows
 # their values in `lazy` and in `small`, the recipe with which the notebook trains.
 
 # %%
@@ -359,8 +359,9 @@ for name in MAY_CHANGE:
 #   to `crash_reward_end`, and `crash_reward_growth` is the share of the run that this takes: 0.75
 #   means the first three quarters.
 # - `temperature` changes to `temperature_end` in the same way, during the share `temperature_decay`
-#   of the run. The higher it is, the more the agent explores.
-# - `exploring_starts` is the share of the training episodes that begin in mid-air, anywhere.
+#   of the run. The higher the temperature, the more the agent explores.
+# - `exploring_starts` is the share of the training episodes that begin in mid-air, at a random
+#   place.
 #
 # The check trains an agent with your recipe and seed 0. Then it flies the agent, as it is at the
 # end of the run, through 500 test missions of the village, always with the best action. All this
