@@ -130,10 +130,10 @@ figure.supylabel("collected and landed");
 
 # %% [markdown]
 # **One seed can show nearly anything**: that the centred map is far better, as with seed 2, that it
-# is better by a little, as with seed 3, or that it makes no difference, as with seed 5. Had the
-# runs ended after 4000 steps, seed 2 would have shown the opposite. Each of these pictures comes
-# from a correct experiment, done only once. Report all seeds, because the best of several owes more
-# to luck than the others.
+# is a little better, as with seed 3, or that it makes no difference, as with seed 5. Had the runs
+# ended after 4000 steps, seed 2 would have shown the opposite. Each of these pictures comes from a
+# correct experiment, done only once. Report all seeds, because the best of several owes more to
+# luck than the others.
 #
 # ## 8.4 How sure can you be?
 #
@@ -184,8 +184,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("three_seeds")
 
 # %% [markdown]
-# After 300,000 steps every run of one kind was above every run of the other. Look at the ranks of
-# the six runs alone. If the methods were equally good, each of the 20 ways to give three of the six
+# After 300,000 steps every run of one kind was above every run of the other. Look only at the ranks
+# of the six runs. If the methods were equally good, each of the 20 ways to give three of the six
 # ranks to one of them would be equally likely, and in two of the 20 one method has the three best
 # ranks. So equally good methods would produce such a result 10 % of the time. This share is called
 # a **p-value**, and going through all ways to deal out the results is a **permutation test**. With
@@ -224,11 +224,12 @@ for name, values in share.items():
     print("{:<15} {:6.1%}, from {:.1%} to {:.1%}".format(name, *bootstrap_interval(values)))
 
 # %% [markdown]
-# These intervals are over missions. They come from the **bootstrap**, which draws 1000 results from
-# these 1000 *with replacement* (some come twice, some not at all) and takes the mean. It does so
-# many times, and records how much the mean varies. For a share $p$ of yes-or-no results, such as
-# `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % of 1000 missions is 97 ± 1.1 %. So 96 % in 1000 *other*
-# missions would not show a difference, because the gap of 1 point is known only to ± 1.6 points.
+# These intervals are over missions, not runs. They come from the **bootstrap**, which draws 1000
+# results from these 1000 *with replacement* (some come twice, some not at all) and takes the mean.
+# It does so many times, and records how much the mean varies. For a share $p$ of yes-or-no results,
+# such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % of 1000 missions is 97 ± 1.1 %. So 96 % in 1000
+# *other* missions would not show a difference, because the gap of 1 point is known only to ± 1.6
+# points.
 #
 # ### Paired differences
 #
@@ -290,8 +291,8 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # the agent is lost in most missions, although the layer with the landing zones is in its input and
 # was moved, too. In training the zones were always in the same two corners. A network that learns
 # "towards the corner" earns as much as one that learns "towards the landing zone", so nothing made
-# it tell the two apart. **Part of what the agent knows is places, learned by heart** (or such a
-# picture is new to the network). This is overfitting again, to a city this time and not to
+# it tell the two apart. **Part of what the agent knows is places, learned by heart**, unless only
+# the unfamiliar picture confuses it. This is overfitting again, to a city this time and not to
 # examples.
 #
 # So ask not only how good an agent is, but also what must not change if it is to stay that good.

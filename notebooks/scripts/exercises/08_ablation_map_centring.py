@@ -38,8 +38,8 @@ from uavdh_lite.course import checks
 #
 # A training run is validated now and then. The array `steps` gives the number of environment steps
 # at each validation, in increasing order, and the array `values`, which is equally long, gives the
-# results. Such curves rise, but fall back in between. So the first time that a curve crosses a
-# threshold may be luck. Ask for more: the curve has to stay at or above the threshold for good.
+# results. Such curves rise, but fall back from time to time. So the first time that a curve crosses
+# a threshold may be luck. Ask for more: the curve has to stay at or above the threshold for good.
 #
 # Return the number of environment steps at the first validation from which *all* values, up to the
 # last, are at least `threshold`. It is an element of `steps`. Return `None` if there is none, that
@@ -86,8 +86,8 @@ checks.steps_to(steps_to)
 # and how certain is that?
 #
 # Return `(mean, low, high)`: the mean of $a - b$ and the ends of its 95 % interval. Use the normal
-# approximation (1.96 standard errors), and divide by $n - 1$ for the standard deviation. Make use
-# of the pairs, and leave `a` and `b` as they are.
+# approximation (1.96 standard errors), and divide by $n - 1$ in the standard deviation. Make use of
+# the pairs, and leave `a` and `b` as they are.
 #
 # <details><summary>Hint</summary>
 #
@@ -118,9 +118,9 @@ checks.lead(lead)
 #
 # Two kinds of training were run with a few seeds each. The results, one for each seed, are `a` and
 # `b`, two short arrays of numbers that need not be equally long. Suppose that the kind made no
-# difference. Then any other way to deal the same values out, `len(a)` of them to a first group and
-# the rest to a second one, would have been as likely as the one observed. (Two equal values still
-# count as two values.)
+# difference. Then any other way of dealing out the same values, `len(a)` of them to a first group
+# and the rest to a second one, would have been as likely as the one observed. (Two equal values
+# still count as two values.)
 #
 # Go through *all* such splits. Return the share of splits in which the difference between the two
 # groups' means is, in absolute value, at least as large as the observed one: the two-sided p-value
@@ -130,8 +130,8 @@ checks.lead(lead)
 #
 # <details><summary>Hint</summary>
 #
-# If the kind made no difference, every way to deal the values out to the two groups would be as
-# likely as the one that you saw. In how many of these ways do the means differ as much?
+# If the kind made no difference, every way of dealing the values out to the two groups would be as
+# likely as the one that you saw. In how many of these ways do the means differ by at least as much?
 # </details>
 #
 # <details><summary>Another hint</summary>
