@@ -2,12 +2,12 @@
 # # 9 · The finale
 #
 # A rule of a few lines has been ahead of our agent since notebook 0. And when notebook 8 moved the
-# landing zones, the agent was lost, probably because much of what it knew was places learned by
-# heart. **Can an agent beat the rule, and can an agent fly over a city that it has never seen?**
-# Each point below is the mean return of one pilot over the same 1000 missions. The grey line marks
-# the rule. The labels on the left say which pilot it is, or what it was given; sections 9.2 to 9.5
-# explain them. (The pilot `random` is left out of the picture, because it would be far to the left;
-# it is in the table of 9.6.)
+# landing zones, the agent was lost, probably because it knew many places by heart. **Can an agent
+# beat the rule, and can an agent fly over a city that it has never seen?** Each point below is the
+# mean return of one pilot over the same 1000 missions. The grey line marks the rule. The labels on
+# the left say which pilot it is, or what it was given; sections 9.2 to 9.5 explain them. (The pilot
+# `random` is left out of the picture, because it would be far to the left; it is in the table of
+# 9.6.)
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -76,7 +76,7 @@ figure
 # much as the paper's did over its own map, and a little less than a rule that needs no training.
 #
 # Should we have stopped at the rule, then? Our agent learned from reward alone. It sees the street
-# map, like the rule, but nobody told it what the map means: how moves work, which way is short,
+# map, like the rule, but nobody told it what the map means: how moves work, which routes are short,
 # what a wall does to the radio. It paid for every piece of knowledge with crashes and with millions
 # of steps. In principle such an agent could learn even in a place whose channel nobody can write
 # down, if it could fly there millions of times, crashes included. In practice one trains in a
@@ -163,7 +163,7 @@ figure
 # $$L=-\log\pi(a_\text{genie}\mid s)$$
 #
 # This is **imitation learning**, or *behavioural cloning*. It is the training loop of notebook 5
-# with another loss; nothing in it knows what a reward is.
+# with a different loss; nothing in it knows what a reward is.
 #
 # ## 9.5 Learn on
 #
@@ -203,10 +203,10 @@ for name, values in ladder.items():
     print(f"{name:<34}{values.mean():8.2f}{mean:+18.2f}{interval:>20}")
 
 # %% [markdown]
-# In this table, the lowest rung of the ladder comes first. The agent that was guarded, told, taught
-# by a planner, and then went on learning is **ahead of the rule**, and the interval of its lead
-# stays away from 0. (This agent comes from a single training run.) It had all four gifts; these
-# flights do not say whether three would have been enough. Here is what each gift costs:
+# In this table, the lowest rung of the ladder comes first. The agent that was given all four gifts
+# is **ahead of the rule**, and the interval of its lead stays away from 0. (This agent comes from a
+# single training run.) These flights do not say whether three of the gifts would have been enough.
+# Here is what each gift costs:
 #
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
@@ -230,11 +230,11 @@ for name, values in ladder.items():
 # ## 9.7 A city that you have just typed
 #
 # Notebook 8 moved the landing zones by two cells, and the agent was lost in most of its missions,
-# probably because part of what it had learned was places and not streets. What if an agent learns
-# in *thousands* of cities, a new one for each mission? It cannot know all of them by heart.
-# `any_city` learned in that way, with the four gifts. Type a city, and let the agent fly over it.
-# `L` is a landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16
-# × 16 cells will do. Change the city as you like:
+# probably because it had partly learned places by heart instead of reading the map. What if an
+# agent learns in *thousands* of cities, a new one for each mission? It cannot know all of them by
+# heart. `any_city` learned in that way, with the four gifts. Type a city, and let the agent fly
+# over it. `L` is a landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size
+# up to 16 × 16 cells will do. Change the city as you like:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
