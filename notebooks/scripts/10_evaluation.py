@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 10 · Evaluation
 #
-# The agent brings home 96 % of the data. **Is that good? How sure can you be? And what does a mean hide?** The picture gives a part of
-# the answer. It shows the agent beside a simple rule and beside a search that knows the channel, each with a 95 % interval.
+# The agent brings home 96 % of the data. **Is that good? How sure can you be? And what does a mean hide?** The picture gives part of
+# the answer. It shows the agent beside a simple rule and a search that knows the channel, each with a 95 % interval.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -86,7 +86,8 @@ cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 #
 # A test is worth nothing if training has seen its missions, so training, validation and test each
 # need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and `seed
-# + 2`. Compare the validation missions of seed 0 with the training missions of seed 1:
+# + 2`. Compare the numbers for validation in seed 0 with those for training in seed 1, with this
+# habit and with our `stream`:
 
 # %%
 from uavdh_lite.streams import Use, stream
@@ -142,7 +143,7 @@ print(f"the flights that landed had collected  {both / landed:.0%}")
 # %% [markdown]
 # In the paper's own test, the flights that crashed had collected about 40 % of their data. This
 # number, which the paper does not print, is rough, because with shares rounded to a tenth of a
-# percent anything from 18 to 67 % is possible. Even so, it is far below the 95 % of the other
+# percent, anything from 18 to 67 % is possible. Even so, it is far below the 95 % of the other
 # flights, so staying out for the last bit of data cannot explain all of those crashes.
 #
 # ### All of them landed
@@ -176,8 +177,8 @@ for count in (995, 999, 1000):
 # The simple interval goes past 100 % in the second line and shrinks to a point in the third. Wilson's does neither: after 1000
 # landings it says that the share is at least 99.6 %.
 #
-# Is an agent that landed 999 times safer than one that landed 995 times? Together they crashed six times. If both were equally safe,
-# each crash would be a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
+# Is an agent with 999 landings safer than one with 995? Together they crashed six times. If both were equally safe, each crash would be
+# a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
 #
 # The intervals of all other means come from notebook 8's bootstrap. Either kind of interval covers
 # luck in the missions, but not luck in training. For a claim about a *method*, the training runs
@@ -194,8 +195,8 @@ for city, results in cities.items():
         print(f"{city:<11}{policy:<8}", *means, f"return {one['return'].mean():6.2f}", sep="  ")
 
 # %% [markdown]
-# Random lands in four missions out of five, because it starts in the landing zone and soon draws `land`, but it brings home next to
-# nothing.
+# The random pilot lands in four missions out of five, because it starts in the landing zone and soon draws `land`, but it brings
+# home next to nothing.
 #
 # Greedy does about as well as the trained network. A paper without such a baseline does not show
 # that its learner was worth the training. Which of the two is ahead, the agent or greedy? The
@@ -209,10 +210,10 @@ for city, results in cities.items():
         print(f"{city:<11}{metric:<21}agent - greedy {mean:+.3f} ({low:+.3f} to {high:+.3f})")
 
 # %% [markdown]
-# Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field,
-# greedy brings home a point more, but the agent's return is higher because it wastes less time,
-# whereas greedy stays for the last unit of data, whatever that costs. So which of them is better
-# depends on the question that you ask.
+# Over Manhattan, greedy is ahead in both scores, and neither interval contains 0. Over the open
+# field, greedy brings home a point more, but the agent's return is higher because it wastes less
+# time, whereas greedy stays for the last unit of data, whatever that costs. So which of them is
+# better depends on the question that you ask.
 #
 # All of this is about two particular agents. Another training seed would have produced different ones.
 #
@@ -260,11 +261,11 @@ figure.axes[0].set_ylabel("points behind\ngenie (blue), greedy (orange)")
 figure
 
 # %% [markdown]
-# On the left, the agent is furthest behind the genie where the flying time is short; in missions
-# with more time it is closer. Greedy has the same trouble with short flights: in the shortest ones
-# it is level with the agent, and the orange points do not fall from left to right as the blue ones
-# do. A likely reason is that, when time is short, a detour to the wrong device cannot be made up
-# for, and only the genie knows beforehand what a device will yield.
+# On the left, the agent is furthest behind the genie where the flying time is short. Greedy has the
+# same trouble with short flights: in the shortest ones it is level with the agent, and the orange
+# points do not fall from left to right as the blue ones do. A likely reason is that, when time is
+# short, a detour to the wrong device cannot be made up for, and only the genie knows beforehand
+# what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings
 # home 98 to 99 %. So hard missions are hard for both, and it is in easy missions that the agent could do better. With eight groups
@@ -297,7 +298,7 @@ figure
 # On the left is the one crash in a thousand missions. The UAV has emptied three of its four
 # devices, but turns for home too late. On the right is a flight that serves the nearest device and
 # goes home, although there is plenty of time left for the others. Watch the crash step by step.
-# With 14 units of time left the UAV flies one cell further north, for the last 8 units of data of
+# With 14 units of time left, the UAV flies one cell further north, for the last 8 units of data of
 # the third device. From there the way home takes 14 units, but only 13 are left:
 
 # %%
@@ -395,8 +396,8 @@ figure
 # The network and the places are the same in both flights. Both times the UAV empties the near
 # device first and then flies towards the far one. With equal data it flies right up to the far
 # device; with a quarter of the data there, it turns for home two cells short of the device. In a
-# single flight that might be luck, but the 20 draws printed above say that it is not: every flight
-# with a quarter of the data is shorter than every flight with equal data.
+# single flight that might be luck, but it is not: in the 20 draws printed above, every flight with
+# a quarter of the data is shorter than every flight with equal data.
 #
 # ## Recap
 #

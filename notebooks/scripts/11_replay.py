@@ -70,7 +70,7 @@ for variant, size in SIZES.items():
 
 # %% [markdown]
 # In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps in the
-# memory, all three runs come close to greedy. With 4,000, and even with 1,000 steps, most runs are
+# memory, all three runs come close to greedy. With 4,000 steps, and even with 1,000, most runs are
 # only a little behind these, and the ranges overlap. With 250 steps, not even sixteen for each of
 # the 16 UAVs, the runs bring home 46 to 81 % of the data: two of them end far below all others, and
 # the third does only about as well as the worst of the runs with 4,000 steps.
@@ -193,19 +193,20 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Look at the left side first. While the device is near, both networks learn such missions. Then the
-# missions change. With a memory of 200 steps the share of right actions drops steeply in every run,
-# on average from nine states in ten to about four. Nothing was wrong with what the network knew. It
-# was overwritten: an update for one state moves weights that other states use as well, and the
-# memory no longer holds a step that would correct them. This is called **catastrophic forgetting**.
-# Later the share recovers in part, because far and near missions have something in common.
+# Look at the left side first. While the device is near, both networks learn the near missions. Then
+# the missions change. With a memory of 200 steps, the share of right actions drops steeply in every
+# run, on average from nine states in ten to about four. Nothing was wrong with what the network
+# knew. That knowledge was overwritten: an update for one state moves weights that other states use
+# as well, and the memory no longer holds a step that would correct them. This is called
+# **catastrophic forgetting**. Later the share recovers in part, because far and near missions have
+# something in common.
 #
-# With the large memory hardly anything is lost. Near missions are no longer flown, but their steps
+# With the large memory, hardly anything is lost. Near missions are no longer flown, but their steps
 # are still drawn, so the network has to stay right about them.
 #
 # Now look at the right side. By the end the small memory is ahead on average, though some runs
-# overlap. It holds only steps of far missions, whereas even at the end half of the large one's
-# samples come from the past. So a large memory keeps what is no longer flown, but it is slow to
+# overlap. It holds only steps of far missions, whereas half of the large one's samples come from
+# the past even at the end. So a large memory keeps what is no longer flown, but it is slow to
 # follow when the world changes. **Combined replay**, which puts the newest step into every
 # minibatch, shortens this delay.
 #
@@ -263,9 +264,9 @@ def between(state, size):
     return torch.from_numpy(rows[:, :, None] & cols[:, None, :])
 
 # %% [markdown]
-# A hole in the map may surprise the network, whatever was there before. So we need a **control**:
-# the same rectangle on the *other* side of the UAV. We count only states that have at least as many
-# buildings there as in the first rectangle. Here is an example:
+# A hole in the map may change the Q-values wherever it is, just because it is unusual. So we need a
+# **control**: the same rectangle on the *other* side of the UAV. We count only states that have at
+# least as many buildings there as in the first rectangle. Here is an example:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -330,13 +331,13 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 # disappear, and clearly more still when those buildings were in the way. So they have learned from
 # rewards that buildings *between* the UAV and a device cost something, and they look for such
 # buildings. One doubt is left: the control also lies farther from the *device*. If the networks
-# value open space around a device for another reason, that, too, would explain a part of the
+# value open space around a device for another reason, that, too, would explain part of the
 # difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are
-# worth: 3 % of that over Manhattan and 15 % over the open field. In three or four states out of ten
-# there is no difference, or it goes the other way. Also, a city with a missing building is new to
-# such a network. The test shows what the network looks at, but not how well it would fly there.
+# worth: 3 % of that over Manhattan and 15 % over the open field. In three or four states out of
+# ten, there is no difference, or it goes the other way. Also, a city with a missing building is new
+# to such a network. The test shows what the network looks at, but not how well it would fly there.
 #
 # This way of asking, a **perturbation analysis**, works for any network and many questions: change
 # one thing in the input that should matter, change something similar that should not, and compare.

@@ -68,9 +68,9 @@ draw_ways()
 #
 # Each row shows one recipe in three runs, one for each seed, recorded with an earlier version of the program over an earlier
 # map of Manhattan, which had eight low buildings. The upper four rows learn from reward, the next four copy a planner, and the
-# last one copies first and then learns from reward. All runs of one group are equally long. The plain row *learn* has the
-# rewards and starts of the recipe `lite` of notebook 7. Higher returns lie further right. The rest of this notebook explains
-# the words on the left.
+# last one copies first and then learns from reward. All runs within a group are equally long. The rows that learn from reward
+# without a guarantee have the penalties of the recipe `lite` of notebook 7, and half of their flights begin in mid-air. Higher
+# returns lie further right. The rest of this notebook explains the words on the left.
 #
 # ## 12.1 Guarantee: the failsafe
 #
@@ -94,8 +94,8 @@ figure.colorbar(picture, label="units of time to fly home and land")
 figure
 
 # %% [markdown]
-# The rule is one line: an action is *too late* if, after it, the way home takes longer than the time that is left, where $b$ is
-# the time left before the action:
+# The rule is one line: an action is *too late* if, after it, the way home takes longer than the time that is left. If $b$ is
+# the time left before the action, this reads
 #
 # $$\text{time to land}(\text{next cell}) > b - 1$$
 #
@@ -148,10 +148,10 @@ for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD_LAYERS):
 figure
 
 # %% [markdown]
-# Bright cells have large values. The triangle is the UAV, and the crosses are the devices. *Expected data* is about what one
-# unit of time over a cell would bring without fading. It is an estimate that takes the best single device and lets it send all
-# the time; exercise 12.2 computes the sum slot by slot. In the formula, $R_k$ is the rate of device $k$ without fading, and
-# $\delta$ the number of slots in a unit of time:
+# Bright cells have large values. The triangle is the UAV, and the crosses are the devices. *Expected data* is roughly the
+# amount that one unit of time over a cell would bring without fading. It is an estimate that takes the best single device and
+# lets it send all the time; exercise 12.2 computes the sum slot by slot. In the formula, $R_k$ is the rate of device $k$
+# without fading, and $\delta$ the number of slots in a unit of time:
 #
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
 #
@@ -188,8 +188,8 @@ print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
 # The loss is 0 if the network was sure and right, and large if it was sure and wrong. In the library it is one line of `Cloning.loss`;
 # the loop around it is that of notebook 7, with the genie in place of the softmax policy.
 #
-# The shipped agent `manhattan` has copied the genie, and then learned from reward (12.4). How often does it agree with its
-# teacher? Fly the genie's plans for 100 missions, and ask the agent at each step:
+# The shipped agent `manhattan` first copied the genie and then learned from reward (12.4). How often does it agree with
+# its teacher? Fly the genie's plans for 100 missions, and ask the agent at each step:
 
 # %%
 import torch
@@ -255,15 +255,15 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # to learn in this way, because hardly any of its flights are good. After copying, learning in this way takes about twelve
 # minutes.
 #
-# The paper's agents see the map, and are told nothing but reward. In principle they could learn even in a place whose channel
+# The paper's agents see the map, and learn the rest from reward. In principle they could learn even in a place whose channel
 # nobody can write down, if they could fly there millions of times, crashes included. In practice one trains in a simulator,
 # possibly with a model of the channel that was fitted to measurements (notebook 14).
 #
 # ## 12.5 What each way is worth
 #
-# Here are the validations of the recorded runs, plotted against the minutes that the runs took on one core. Because other
-# programs ran beside some of the runs, all three runs of each way are scaled to the length of the quickest. Returns below 10
-# are left out:
+# Here are the validation returns of the recorded runs, plotted against the minutes that the runs took on one core. Because
+# other programs ran beside some of the runs, all three runs of each way are scaled to the length of the quickest. Returns
+# below 10 are left out:
 
 # %%
 from uavdh_lite.planners import Greedy
@@ -303,21 +303,21 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 #   crash nearly always.
 # - **Copying** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but
 #   the copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
-# - **Learning**, after copying, adds 0.4 to 1.3 units within a minute.
+# - **Learning**, after copying, adds 0.4 to 1.3 units of return within a minute.
 #
-# Look at the dashed and the solid lines of one colour to compare copying with learning, and at the colours to see what the
-# guarantee and the told layers add. Greedy's line is drawn for
-# today's map, whereas the runs flew over the earlier one, so small differences from it mean nothing; but none of these short runs is clearly ahead of greedy yet.
+# Look at the dashed and the solid lines of one colour to compare copying with learning, and at the colours to see what the guarantee and the told layers add.
+# Greedy's line is drawn for today's map, whereas the runs flew over the earlier one, so small differences from the line mean nothing. Still, none of these
+# short runs is clearly ahead of greedy.
 #
-# Runs this short show what learns sooner, not what is better in the end. The course's DDQN agent, for example, has no guarantee, but it
-# learned for nearly four million steps instead of 80,000, and it does land.
+# Runs this short show which way learns sooner, not which is better in the end. The course's DDQN agent, for example, has no guarantee,
+# but it learned for nearly four million steps instead of 80,000, and it does land.
 #
 # ## 12.6 What the labels cost
 #
 # A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Here all
 # that was possible, and copying was the quickest way to a good agent. Where nobody can write down the channel, one has to
-# measure it, or to learn from reward. An agent that was told more had a head start, so compare agents only with others that
-# were told the same.
+# measure it or learn from reward. An agent that was told more had a head start, so compare agents only with others that were
+# told the same.
 #
 # Here are two agents that you can load, flown on 300 missions that are new to both:
 
@@ -339,9 +339,9 @@ for name, knows in agents.items():
 # - What can be computed can be told, as a layer of the map.
 # - A planner's moves can be copied by minimising the cross-entropy, both in the planner's own flights and in the states that
 #   the learner gets into.
-# - Learning from reward needs no teacher, and nobody who knows the equations. Alone it is slow. After copying, it repairs some
-#   of what the copy got wrong.
-# - Say what an agent was told before you compare it.
+# - Learning from reward needs neither a teacher nor anybody who knows the equations. Alone it is slow. After copying, it
+#   repairs some of what the copy got wrong.
+# - Before you compare an agent with others, say what it was told.
 #
 # ## Exercises
 #

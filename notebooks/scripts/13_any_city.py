@@ -93,7 +93,7 @@ both = sum(city.fingerprint in learned for city in unseen)
 print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
 
 # %% [markdown]
-# That is what *unseen* means here: other cities, but from the same generator, or **in distribution**. The word says nothing
+# That is what *unseen* means here: other cities, but from the same generator (**in distribution**). The word says nothing
 # about cities that no such generator would draw.
 #
 # ## 13.2 Is one network enough?
@@ -126,10 +126,11 @@ for name, record in records.items():
 # %% [markdown]
 # All flights land, so the differences are in the data. The Manhattan specialist brings home far more than the random pilot, so
 # something of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The
-# unknown streets are one likely reason; another may be that it was trained on narrower ranges of devices, data and flying time.
+# unknown streets are one likely reason; another may be that it was trained on narrower ranges of device numbers, data and
+# flying time.
 #
-# The greedy rule is a strong rival here, because it knows the shortest way between any two cells of any city. Whether the difference
-# between greedy and `any_city` is luck is a question for 13.5.
+# The greedy rule is a strong rival here, because it knows the shortest route between any two cells of any city. Whether the
+# difference between greedy and `any_city` is luck is a question for 13.5.
 #
 # What helps an agent in a new city? Compare the two frames of notebook 4, the map in place and the map centred on the UAV:
 
@@ -139,9 +140,9 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("centred_in_a_new_city")
 
 # %% [markdown]
-# The effect of centring was also measured with version 0.1.0 and three seeds of each kind: in new cities, networks that saw the
-# map in place brought home about half as much as networks that saw it centred, although both had learned in 2000 cities. The
-# runs are in the table that 13.4 reads.
+# The effect of centring was also measured with version 0.1.0 and three seeds for each frame: in new cities, networks that saw
+# the map in place brought home about half as much as networks that saw it centred, although both had learned in 2000 cities.
+# The runs are in the table that 13.4 reads.
 #
 # ## 13.3 Draw your own
 #
@@ -183,8 +184,8 @@ play(own.environment, flight.trajectory(0))
 # more cities would help.
 #
 # To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or
-# 2000 cities, with three seeds for each number and 200,000 steps for each network. They flew 500 missions over the cities that
-# they had learned in, and 500 over 300 others. Because the two sets of cities are not equally hard, greedy flies the same
+# 2000 cities, with three seeds for each number and 200,000 steps for each network. Each flew 500 missions over the cities that
+# it had learned in, and 500 over 300 others. Because the two sets of cities are not equally hard, greedy flies the same
 # missions, and each network is compared with it:
 
 # %%
@@ -297,22 +298,24 @@ for ax, mission in zip(figure.subplots(1, 3), lead.argsort()):
 figure
 
 # %% [markdown]
-# The captions and the arrows tell which of these faults each flight has:
+# The captions and the arrows show which of these explanations fits each flight:
 #
 # - Most of the flying time was used, but few arrows can be seen, because they lie on top of one another. The UAV went back and
 #   forth, probably because several cells looked equally good to the network.
-# - Much time was left when the UAV landed. In that case the agent gave up, although there was enough data and time.
-# - The data lies behind walls or a no-fly zone, so the way to it is long. The greedy rule has that way in a table.
+# - Much time was left when the UAV landed. In that case the agent gave up, although data was left and there was
+#   time to collect it.
+# - The data lies behind walls or a no-fly zone, so the route to it is long. The greedy rule looks that route up in
+#   a table.
 #
 # Change `lead.argsort()` to `(-lead).argsort()`, and you will see the missions in which greedy is furthest behind.
 #
 # ## 13.7 Shadows for every city
 #
 # Each city needs its own table of which cells see each other. The library computes it with the exact test of notebook 2. The authors of the paper trace
-# their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line as a row of pixels. The authors' variant of it walks from cell to
-# cell and keeps a running error: how far the centre of the cell is off the straight line. This error decides whether the next step goes along the row or
-# the column. The authors' code sends a fan of such lines from the device to every cell of the border, and a cell is in sight if some line reaches it
-# before meeting a building.
+# their rays by a different method. In 1962 Jack Bresenham wrote an algorithm that draws a line as a row of pixels. The authors' variant of it walks from
+# cell to cell and keeps a running error: how far the centre of the cell is off the straight line. This error decides whether the next step goes along the
+# row or the column. The authors' code sends a fan of such lines from the device to every cell of the border, and a cell is in sight if some line reaches
+# it before meeting a building.
 #
 # Many cities are a good test of such a program, and for that test one need not know the right answers. It is enough to know a
 # property that all right answers must have (**property-based testing**):

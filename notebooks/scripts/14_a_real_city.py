@@ -53,9 +53,9 @@ figure
 #
 # ## 14.1 Four places
 #
-# The scenes come with [Sionna RT](https://nvlabs.github.io/sionna/rt/), a ray tracer for radio waves: the old town of Munich,
-# the streets south of Florence's cathedral, the Arc de Triomphe, and a level part of San Francisco. Each is a square 160 m on a
-# side, or 16 × 16 cells.
+# The places are scenes from [Sionna RT](https://nvlabs.github.io/sionna/rt/), a ray tracer for radio waves: the old town of
+# Munich, the streets south of Florence's cathedral, the Arc de Triomphe, and a level part of San Francisco. Each is a square
+# 160 m on a side, or 16 × 16 cells.
 #
 # A cell is a *tall building* if at least half of it is covered by something higher than 10 m, the height at which the UAV
 # flies. Otherwise it is a *low building* if at least half of it is built on. The landing zone consists of the six free cells
@@ -93,8 +93,8 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # results](../docs/results/real_city.md) give all settings.)
 #
 # To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's
-# model. So their *mean in dB* agrees by construction, and the comparison tests *where* the signal goes. At this level, 0.1 µW
-# of transmit power is enough for a bandwidth of 1 MHz. A real sensor sends with 40 to 60 dB more, so even its hidden links
+# model. So their *mean in dB* agrees by construction, and the comparison tests *where* the signal goes. At a bandwidth of 1
+# MHz, these SNRs take only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its hidden links
 # would carry data (14.3).
 #
 # Take a device in a street in the west, and draw its rate to a UAV over every cell, under either model. **Before you run the
@@ -115,8 +115,8 @@ figure
 
 # %% [markdown]
 # On the right the bright area is wider, because the real street is more open than our 10 m grid says. Beyond the edge of that
-# area the rate falls by a factor of 3 to 60 within one cell, and by more further in. But it does not fall to zero, because
-# waves are bent around the corner or reflected. White cells get less than $10^{-5}$.
+# area the rate falls by a factor of 3 to 60 within one cell, and by more deeper in the shadow. But it does not fall to zero,
+# because waves are bent around the corner or reflected. White cells get less than $10^{-5}$.
 #
 # ## 14.3 Link by link
 #
@@ -140,7 +140,7 @@ figure.axes[0].legend(loc="lower left", markerscale=6)
 figure
 
 # %% [markdown]
-# The left cloud hugs a line, but the right one does not. Fit a straight line to each over $10\log_{10} d$. Its slope is $-\alpha$, where $\alpha$ is the
+# The left cloud hugs a line, but the right one does not. Fit a straight line in $10\log_{10} d$ to each. Its slope is $-\alpha$, where $\alpha$ is the
 # **path loss exponent**. (Links without a ray are left out.)
 
 # %%
@@ -156,13 +156,13 @@ for kind, state in kinds.items():
 #
 # - **In sight** the exponent is *below* 2, that of free space. The reason is that at a distance, reflections from the ground
 #   and the walls contribute up to 3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the
-#   **street canyon** effect. The 3 % of points far below the others are blocked by walls that our grid misses; without them the
+#   **street canyon** effect. The 3 % of links far below the others are blocked by walls that our grid misses; without them the
 #   spread is 0.8 dB.
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB and more, and for a third of them the tracer, with its million rays, finds no path.
-# - **The spread is of another kind** than in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and slot.
-#   Real shadow fading is correlated over 10 to 50 m, and here over 30 to 50 m. It belongs to the place: fly by again, and the
-#   link is as bad as before. So it is a *map*, which could be learned.
+# - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
+#   slot. Real shadow fading is correlated over 10 to 50 m, and here over 30 to 50 m. It belongs to the place: fly by again, and
+#   the link is as bad as before. So it is a *map*, which could be learned.
 #
 # Is the model a bad one, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So compare the
 # rates:
@@ -179,8 +179,7 @@ print(f"correlation of the rates {np.corrcoef(*rates)[0, 1]:.2f}")
 # links in sight. Hidden links carry only 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger they
 # would carry 16 %.
 #
-# The next figure shows, for each cell of the UAV, by how much the ray-traced rates exceed the model's, summed over all cells of
-# devices:
+# The next figure shows, for each UAV cell, by how much the ray-traced rates exceed the model's, summed over all device cells:
 
 # %%
 error = np.where(possible, rate(traced_db) - rate(model_db), 0)
@@ -203,8 +202,8 @@ figure
 # that are at most 3 dB below free space. Our shadow map calls them hidden, but the device is in view, past a wall that does not
 # fill its cell. Reflection and diffraction alone bring little data.
 #
-# Beware: the ray tracer is a model, too. It contains no trees and no cars, so it is too optimistic. It also leaves out rough
-# walls that scatter a wave and waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible*
+# Beware: the ray tracer is a model, too. It contains no trees and no cars, so it is too optimistic. It also leaves out
+# scattering by rough walls and waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible*
 # radio, but not Munich's.
 #
 # ## 14.4 Does the agent still fly?
@@ -230,8 +229,8 @@ for (name, radio), flights in flown.items():
 
 # %% [markdown]
 # The DDQN agent collects almost as much as greedy, but its return is far behind under either model: it flies until the failsafe
-# sends it home, and the safety controller refuses about 15 of its actions in each mission. For the other two pilots, the change
-# is small.
+# sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city` suffers from the
+# change of model, and only slightly.
 #
 # The recorded runs, made with an earlier version of the program, have three seeds of 300 missions in each place and under both models.
 # Here is the mean lead of `any_city` over greedy on the same missions, with its interval:
@@ -271,8 +270,8 @@ for place in (*places, None):
 # are two radios. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`.
 # The **belief** says what the agent expects: it is the environment of its observation, here `model`.
 #
-# Now change only the belief. At one end, the agent is told the world's own table, which only a genie could know. At the other end it is told silence:
-# that no data can be had anywhere.
+# Now change only the belief. At one extreme, the agent is told the world's own table, which only a genie could know. At the other, it is told
+# silence: that no data can be had anywhere.
 
 # %%
 from uavdh_lite.beyond.measured import MeasuredEnvironment, believing
@@ -293,7 +292,7 @@ for name, belief in beliefs.items():
 #
 # In each slot the device with the best SNR sends, so the UAV has to measure the SNRs of all devices. For this, each device
 # sends a known signal, a **pilot signal**. We assume that it can be measured down to −30 dB; what is weaker counts as −30 dB.
-# The UAV notes the device's cell, its own cell and the SNR, here without noise or errors of position, which is the best case.
+# The UAV notes the device's cell, its own cell and the SNR, here without noise or position errors, which is the best case.
 
 # %%
 from uavdh_lite.beyond.measured import expected, heard
@@ -313,7 +312,7 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 # 2. **Link by link.** Correct these lines by what was heard *nearby*: if a device in the next cell was 15 dB below the line, this one probably is, too.
 #
 # For the second way, let $e$ be how far each measured SNR is above its line. Each measurement gets a weight $w$, which is 1 for
-# the same two cells and falls with the distance between the devices and between the UAVs, to 0.6 at one cell:
+# the same two cells and falls with the distance between the devices and between the UAVs, to 0.6 one cell away:
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum w\,e}{1 + \sum w}$$
 #
@@ -334,7 +333,7 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# Link by link, three in four of the hidden links that were heard change by 3 dB or more, although for this device hardly any do.
+# Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any for this device.
 #
 # How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. Here is the lead
 # over greedy again (`line` stands for two lines, `link` for link by link, and the number counts the flights):
@@ -351,9 +350,9 @@ for radio in worlds:
 # Under the paper's model there is nothing to gain, because there the model is the truth: on average even a single flight gives two lines that are nearly
 # as good.
 #
-# Under the ray-traced model, two lines gain next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What
-# counts is *which* link is bad, and to find that out takes the second way and many flights. In the second way, ten flights
-# change the return by −0.5 to +1.2, depending on the survey; a hundred gain about 60 % of what the truth would gain (95 %
+# Under the ray-traced model, two lines gain next to nothing: with ten flights, they change the return by −1.1 to +0.7,
+# depending on the survey. What counts is *which* link is bad, and finding that out takes the second way and many flights.
+# Link by link, ten flights change the return by −0.5 to +1.2; a hundred gain about 60 % of what the truth would gain (95 %
 # interval: 46 to 72 %). That is 0.55 units of a return of 32, gained mostly in Munich.
 #
 # ## 14.7 Before you fly there
@@ -363,8 +362,8 @@ for radio in worlds:
 # 1. **Ask.** Flying is regulated.
 # 2. **Check the map.** Heights may be wrong; trees, cranes and wires are missing.
 # 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over.
-#    First test the link by which you command the UAV. Know your position to better than a cell, which satellite navigation
-#    between walls may not give.
+#    First test the link by which you command the UAV. Know the UAV's position to better than a cell, which satellite
+#    navigation between walls may not allow.
 # 4. **Keep the failsafe**, with a margin.
 #
 # ## Recap

@@ -53,7 +53,7 @@ from uavdh_lite.planners import Greedy
 #
 # <details><summary>Hint</summary>
 #
-# The low end rises with the number of missions. So try one number after the other. Where does the search begin, if some missions crash?
+# The low end rises with the number of missions. So try one number after another. Where does the search begin if some missions crash?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -82,16 +82,16 @@ checks.missions_needed(needed)
 
 # %% [markdown]
 # To show 99 %, each further crash costs another 150 to 180 missions. But do not fly on until the
-# number looks good and then stop, because with such **optional stopping** you deceive yourself.
-# Decide how many missions to fly before the first of them takes off.
+# number looks good and then stop, because with such **optional stopping** you would deceive
+# yourself. Decide how many missions to fly before the first of them takes off.
 
 # %% [markdown]
 # ## 10.2 · A city that defeats the agent (3 points, 12 minutes)
 #
 # The agent `manhattan_ddqn` can fly over any city of 16×16 cells, because its network sees the
 # layers of that city. It was trained in only one city, called `home` below. Change at most 16 of
-# the 256 cells of `home` so that the agent does badly although the missions there can be flown
-# well. The city is a text of 16 rows of 16 characters:
+# the 256 cells of `home` so that the agent does badly, although missions over the changed city can
+# be flown well. The city is a text of 16 rows of 16 characters:
 #
 # | character | cell |
 # | --- | --- |
@@ -114,14 +114,14 @@ checks.missions_needed(needed)
 #
 # <details><summary>Hint</summary>
 #
-# A planner computes its routes from the map. The agent has learned its routes in one single city.
+# A planner computes its routes from the map. The agent has learned its routes in a single city.
 # What was the same in every mission that it was trained on?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Start from `home` and change only where the UAV may land: move the zones to places that it never
-# landed in. Keep two zones, far apart, or the routes get too long for greedy.
+# Start from `home` and change only where the UAV may land: move the zones to places where the agent
+# has never landed. Keep two zones, far apart, or the routes get too long for greedy.
 # </details>
 
 # %%

@@ -80,10 +80,10 @@ checks.old_share(old_share)
 # - `error`: array $(N,)$, target minus Q-value of each step in the memory, of either sign
 # - `floor`: a number above 0, so that a step without an error is drawn now and then, too
 #
-# A step is to be drawn with a probability in proportion to the absolute value of its error plus
-# `floor`. Its weight is to undo that: over many draws, each step must count as much as any other.
-# Scale the weights so that the largest is 1, because larger ones would make the gradient steps too
-# long.
+# A step is to be drawn with a probability proportional to the sum of `floor` and the absolute value
+# of its error. Its weight is to undo that: over many draws, each step must count as much as any
+# other. Scale the weights so that the largest is 1, because larger ones would make the gradient
+# steps too long.
 #
 # Return two arrays $(N,)$: the probabilities, which add up to 1, and the weights. Leave `error` as it is.
 #
@@ -116,4 +116,4 @@ checks.prioritised(prioritised)
 # %% [markdown]
 # Try it with the ring: `generator.choice(n, 64, p=probability)` draws the places. Does prioritised
 # replay help in the village? It is one of the parts of *Rainbow*, an agent that combines six
-# improvements to DQN, but it is also one more thing that can go wrong in yours.
+# improvements to DQN, but it is also one more thing that can go wrong in your own agent.

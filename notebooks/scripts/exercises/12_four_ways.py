@@ -39,15 +39,15 @@ from uavdh_lite.course import checks
 # - `next_cell`: (cells, 6), the cell of the UAV after each action; after a refused action it is the same cell,
 # - `cell` and `time_left`: $(B,)$ each, where $B$ UAVs are and how many units of time they have left, at least 1.
 #
-# Every action takes one unit of time, landing included. Landing is possible in the landing zone only, and ends the flight.
+# Every action takes one unit of time, landing included. Landing is possible only in the landing zone, and ends the flight.
 # Elsewhere it is refused, and takes its unit of time like hovering.
 #
 # Return a new array of Booleans, $(B, 6)$: whether each UAV can still land in time if it takes each action now. The time needed
 # is that of the action itself, of the moves home after it, and of the landing. Landing at once, in the zone, always fits. (If
-# nothing fits, a row is all False. The library then lets the pilot do what it likes.)
+# nothing fits for a UAV, its row is all False. The library then lets the pilot do what it likes.)
 #
 # An example: the UAV is two moves from the zone and four units of time are left. It may fly home (one move, then one more and
-# the landing), and it may hover once. It must not fly off.
+# the landing), and it may hover once. It must not fly further away.
 #
 # <details><summary>Hint</summary>
 #
@@ -58,7 +58,7 @@ from uavdh_lite.course import checks
 # <details><summary>Another hint</summary>
 #
 # distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for landing must fit into
-# time_left − 1. Then two special cases: −1, and landing at once.
+# time_left − 1. Then there are two special cases: −1, and landing at once.
 # </details>
 
 # %%
@@ -82,11 +82,12 @@ checks.failsafe_mask(fits)
 # ## 12.2 · What a cell really brings (2 points, 15 minutes)
 #
 # The layer *expected data* of notebook 12, section 12.2, is an estimate: it gives all four slots of a step to one device. What
-# does a step bring by the rule of notebook 3, section 3.5, if the UAV hovers over a cell and there is no fading? In every slot
-# the loudest of the devices that have data left sends. It sends what the slot carries, its mean rate, but no more than it has
-# left. When it is empty, the next slot goes to another device.
+# does a step bring by the rule of notebook 3, section 3.5, if the UAV hovers over a cell and there is no fading? In every
+# slot, of the devices that have data left, the loudest sends. It sends what the slot carries, its mean rate, but no more than
+# it has left. When it is empty, the next slot goes to another device.
 #
-# - `rate`: (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot, above 0; no two are equal over one cell
+# - `rate`: (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot, above 0; no two are equal over the same
+#   cell
 # - `left`: (K,), the data units that each device has left at the start of the step
 #
 # Return the layer, (M, M): for each cell the data of the four slots together, if the UAV spends the step there. Leave the arrays as they are.

@@ -39,7 +39,7 @@ from uavdh_lite.course import checks
 # - `turns`: how many quarter turns to the left, 0 to 3,
 # - `mirrored`: whether left and right are swapped before the turns.
 #
-# Return the other map and the number that the action has on it.
+# Return the new map and the number that the action has on it.
 #
 # An example: `np.rot90(layers, 1, axes=(1, 2))` is the map turned to the left once. What was north of the UAV is now west of it. So
 # the action 0, north, becomes 3, west.
@@ -84,8 +84,8 @@ checks.view(view)
 # of these sums says how far off the mean may be.
 #
 # - `values`: $(N,)$, $x_i$ of each mission: floats, whole numbers or Booleans,
-# - `city`: $(N,)$, the number of each mission's city. Numbers are names: any ints, in any order. There are at least two cities, and they may have
-#   different numbers of missions.
+# - `city`: $(N,)$, the number of each mission's city. The numbers are only names: any ints, in any order. There are at least two cities, and they
+#   may have different numbers of missions.
 #
 # Return the half-width, one number.
 #
@@ -93,8 +93,8 @@ checks.view(view)
 # sums are 4 in city 0 and −4 in city 1. The half-width is 1.96/4 · √(2/1 · (16 + 16)) = 1.96 · 8/4 = 3.92. If the four missions
 # were treated as independent, it would be 1.96 · √6/√4 = 2.40, which is too narrow.
 #
-# The limit case: if each mission has a city of its own, then $C = N$ and each sum is a single difference. The formula becomes
-# $1.96\, s/\sqrt{N}$ with $s^2 = \frac{1}{N-1}\sum_i (x_i - \bar x)^2$, the usual half-width.
+# The limiting case: if each mission has a city of its own, then $C = N$ and each sum is a single difference. The formula
+# becomes $1.96\, s/\sqrt{N}$ with $s^2 = \frac{1}{N-1}\sum_i (x_i - \bar x)^2$, the usual half-width.
 #
 # <details><summary>Hint</summary>
 #
@@ -121,4 +121,5 @@ def half_width(values, city):
 checks.clustered_half_width(half_width)
 
 # %% [markdown]
-# Try it: a hundred cities, with 1, 10 and 100 missions each. When does another mission in the same city no longer help?
+# Try it with a hundred cities and 1, 10 and 100 missions in each. When does another mission in the same city no longer
+# help?

@@ -31,9 +31,9 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 14.1 · How far does a shadow reach? (2 points, 12 minutes)
 #
-# In the paper, shadow fading is drawn anew for each slot. In a real street it belongs to the place, so that neighbouring cells
+# In the paper, shadow fading is drawn anew for each slot. In a real street it belongs to the place, so neighbouring cells
 # resemble each other (notebook 14, section 14.3). How far does this resemblance reach? A UAV flies down a straight street past
-# one device. In each cell take what the fitted line leaves over of the SNR, its **residual**.
+# one device. In each cell, take the **residual**: how far the measured SNR is above the fitted line.
 #
 # - `left_db`: $(N,)$, the residuals in dB, cell by cell; $N \ge 2$, and not all values are equal
 # - `step_m`: the distance from one cell to the next, in m
@@ -42,8 +42,8 @@ from uavdh_lite.course import checks
 # cells apart, divided by the mean square of all values. It is 1 at $k=0$. Return the first distance, in metres, at which it is
 # below $1/e$. This is called the **decorrelation distance**.
 #
-# An example: the residuals 4, 4, −4, −4 and steps of 10 m. One cell apart the products are 16, −16 and 16, with a mean of 5.3,
-# and the mean square is 16: the correlation is 0.33, which is below $1/e = 0.37$. So the distance is 10 m.
+# An example: the residuals 4, 4, −4, −4 and steps of 10 m. One cell apart, the products are 16, −16 and 16, with a mean of
+# 5.3, and the mean square is 16: the correlation is 0.33, which is below $1/e = 0.37$. So the distance is 10 m.
 #
 # <details><summary>Hint</summary>
 #
@@ -52,8 +52,8 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# `off[k:] * off[:-k]` gives all the products. Begin with k = 1, and go on as long as their mean over `np.mean(off**2)` is not
-# below 1/e. The distance is k times step_m.
+# `off[k:] * off[:-k]` gives all the products. Begin with k = 1, and go on as long as their mean, divided by
+# `np.mean(off**2)`, is not below 1/e. The distance is k times step_m.
 # </details>
 
 # %%
@@ -83,11 +83,12 @@ checks.shadow_reach(reach_m)
 #
 # - `line_db`: what the line says, one number, dB,
 # - `heard_db`: $(N,)$, what was heard nearby, dB; $N$ may be 0,
-# - `weight`: $(N,)$, the weight of each, from 0, far away, to 1, here.
+# - `weight`: $(N,)$, the weight of each measurement, from 0, far away, to 1, here.
 #
 # Return the SNR to believe, one number. In the notebook the line's value differs from place to place; here it is the same for the link and for what was heard near it.
 #
-# An example: the line says −10 dB. Right here −20 dB was heard, with the weight 1. Line and measurement count the same, so believe −15 dB.
+# An example: the line says −10 dB. Right here, −20 dB was heard, with a weight of 1. The line and the measurement count equally, so
+# believe −15 dB.
 #
 # <details><summary>Hint</summary>
 #

@@ -111,7 +111,7 @@ for name in recipes:
 #
 # The reason is not that they hurry. They have become *lazy*, as notebook 7 calls it (7.4): they use
 # 4 to 8 % of their flying time, land at once, and leave nearly all data behind. Half a unit for
-# each step is more than a first, clumsy flight brings in. So staying at home pays best early in the
+# each step is more than a first, clumsy flight brings in. So staying at home pays best early in
 # training, and an agent that stays at home never finds out what flying could bring. That is my
 # explanation and not a measurement; the training curves would show whether it is right. Whether a
 # dearer step makes an agent hurry is still open; to find out, I would need a price between 0.1 and

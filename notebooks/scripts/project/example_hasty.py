@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A better discount
 #
-# *A worked project, the hasty one. Every line of it runs. What would you ask its author? The
-# questions at the end are ours.*
+# *A worked project, the hasty one. Every line of it runs. What would you ask its authors? Our own
+# answer comes at the end.*
 #
 # We wanted to improve the agent. The discount of 0.95 seemed low to us, so we took 0.99, and
 # because learning looked slow, we doubled the learning rate, too.

@@ -3,8 +3,8 @@
 #
 # **Choose a city or a reward, say what you expect, train, and report what happened, on one page.**
 # This notebook is the template. It runs as it is, with a small question of its own; put yours in
-# its place. Plan an afternoon: an hour to choose and to predict, 15 minutes of computing, and the
-# rest for writing.
+# its place. Plan for an afternoon: an hour to choose and to predict, 15 minutes of computing, and
+# the rest for writing.
 #
 # Two finished projects lie beside it: [one](example_careful.ipynb) and
 # [another](example_hasty.ipynb). Read both before you begin. Which of them would you believe, and
@@ -21,8 +21,8 @@
 # - Does my own DQN from exercise 7.1 profit from a larger memory?
 # - What happens if data is worth less towards the end of a flight?
 #
-# The example in this template is: *is an agent that has trained for 16,000 steps over the village
-# level with greedy?*
+# The example in this template is: *does an agent that has trained for 16,000 steps over the village
+# do as well as greedy?*
 #
 # ## 2 · What I expect
 #
@@ -35,7 +35,7 @@
 # ## 3 · What I do
 #
 # Use three seeds for everything, because one run shows what can happen, not what usually happens.
-# `recipe` holds all hyperparameters; change one of them, and keep the rest. For a city of your own
+# `recipe` holds all hyperparameters; change one of them, and keep the rest. For a city of your own,
 # begin with `from uavdh_lite.city import City`.
 
 # %% tags=["remove-cell"]
