@@ -233,8 +233,8 @@ for metric in scores["random"]:
 # A high `landed` alone does not make a good pilot, and `collected_and_landed` shows how little this
 # one achieves.
 #
-# **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this
-# city it is a strong rival. Good rules often are.
+# **Greedy** never crashes, because its rule takes it home in time, and it collects nearly
+# everything. In this city it is a strong rival. Good rules often are.
 #
 # **The agent** comes close to greedy but does not overtake it. Consider what each of them was told.
 # Both see the street map. Greedy was also given the shortest routes, and a rule that a person had

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 1 · The city and the channel
 #
-# **A device waits in the street. Where should the UAV hover to fetch its data?**
+# **A device waits in the street. Where should the UAV hover to fetch the device's data?**
 #
 # The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets
 # data quickly, and over a dark one it gets hardly any. It may not fly over the grey buildings or
@@ -250,9 +250,9 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
     assert lucky > rate(alone)
 
 # %% [markdown]
-# In line of sight, fading helps a little; behind a building it adds about a seventh. The next
-# figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
-# with good luck. (6 dB of luck, good or bad, is very rare.)
+# In line of sight, fading helps a little; behind a building it raises the rate by about a seventh.
+# The next figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck
+# to one with good luck. (6 dB of luck, good or bad, is very rare.)
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -310,8 +310,8 @@ for name, ground, exponent in (
 # - Three yes-or-no layers describe the city.
 # - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
-# - If the UAV is at least 10 m from the device, measured on the ground, a building in between costs
-#   more than nine tenths of the data.
+# - At a ground distance of 10 m or more from the device, a building in between costs more than nine
+#   tenths of the data.
 # - Fading is luck in decibels. On average it helps, because the rate is convex in decibels.
 #
 # ## Exercises

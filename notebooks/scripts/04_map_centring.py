@@ -202,9 +202,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #   in the picture. In a list of numbers the building does not appear at all, so everything about
 #   the city would have to be learned by heart.
 #
-# The price is size: 4805 numbers instead of a few. A network with a separate adjustable number,
-# a *weight*, for each of them would have to learn the same thing again for each place in the
-# picture. That is why the agent's network begins with *convolutions*, which look for the same
+# The price is size: 4805 numbers instead of about twenty. A network with a separate adjustable
+# number, a *weight*, for each of them would have to learn the same thing again for each place in
+# the picture. That is why the agent's network begins with *convolutions*, which look for the same
 # pattern everywhere. The next notebook explains them.
 #
 # Because the pictures are made anew from the state at each step, a change of the *task* often means
