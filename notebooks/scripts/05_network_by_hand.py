@@ -60,8 +60,8 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 # %% [markdown]
 # With a bias of 0, the output is 3, the sum of the numbers in the right-hand picture. These weights
 # add what is in the right column, subtract what is in the left one, and ignore the middle. So a
-# neuron asks a question about its inputs, and its weights say which: here, whether something is on
-# the right and nothing on the left.
+# neuron asks a question about its inputs, and its weights say which question: here, whether
+# something is on the right and nothing on the left.
 #
 # Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is something
 # else: a picture.) A layer is **fully connected**, or *dense*, if each of its neurons has a weight
@@ -118,7 +118,7 @@ ax.set(xlabel="weight", ylabel="loss");
 #
 # The slope in the code has the input, 3, as a factor. So the weight of an input of 70 takes far
 # longer steps than the weights of inputs near 1, and overshoots at a learning rate at which those
-# hardly move. That is why data and time are scaled to small numbers.
+# hardly move. That is why data and flying time are scaled to small numbers.
 #
 # With squared errors, a single error of 150 pulls at the weights as hard as 150 errors of 1. So our
 # agents learn with the **Huber loss**, a parabola near 0 and a straight line further out, where the

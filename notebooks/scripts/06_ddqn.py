@@ -278,9 +278,9 @@ axes[0].set_ylabel("probability");
 # otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
 # tries the worst action as often as the second best.
 #
-# One could also mask pointless actions (3.4), because the safety controller knows them and always
-# flies along. But then the maximum in the target must be masked, too, or it may fall on an action
-# whose value nothing corrects. The paper uses penalties, and so do we.
+# One could also mask pointless actions (3.4), because the safety controller knows them and is
+# always on board. But then the maximum in the target must be masked, too, or it may fall on an
+# action whose value nothing corrects. The paper uses penalties; so do we.
 #
 # ## 6.5 Double Q-learning
 #

@@ -210,9 +210,9 @@ Quiz("three_seeds")
 #
 # ### Baselines
 #
-# Is 96 % of the data a good result? The paper's agent brought home 94.6 %, but over another map. So
-# we need *baselines*, other pilots that fly the same missions. Here are `random` and `greedy` from
-# notebook 0 and the agent in 1000 missions:
+# Our agent brings home 96 % of the data. Is that a good result? The paper's brought home 94.6 %,
+# but over another map. So we need *baselines*, other pilots that fly the same missions. Here are
+# `random` and `greedy` from notebook 0 and the agent in 1000 missions:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -233,8 +233,8 @@ for name, values in share.items():
 #
 # ### Paired differences
 #
-# Do agent and greedy differ at all? Their intervals almost touch, but what counts is the interval
-# of the difference. One can combine the errors of both, as above. Or one can subtract mission by
+# Do the agent and greedy differ at all? Their intervals almost touch, but what counts is the
+# interval of the difference. One can combine the errors of both, as above, or subtract mission by
 # mission, because both flew the *same* missions: a hard mission is hard for both, so much of the
 # missions' luck cancels.
 
@@ -264,7 +264,7 @@ Quiz("more_missions")
 #
 # An ablation changes the agent. One can also change the *world* and see whether what was learned
 # still holds. Let us move both landing zones of the city by two cells, and fly the same agent and
-# the same rule. Predict first: in how many of its missions will the agent land?
+# rule. Predict first: in how many of its missions will the agent land?
 
 # %%
 from dataclasses import replace

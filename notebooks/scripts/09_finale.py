@@ -276,7 +276,7 @@ for name, each in flown.items():
 # agent ahead of greedy here? Over many cities the race is narrow, and in a single city either may
 # win.
 #
-# What has learning brought, if the agent may be no better than the rule? One agent **for each
+# What has learning gained us, if the agent may be no better than the rule? One agent **for each
 # mission** would be an optimiser, like the genie: it would search until it had a good flight, and
 # begin again with the next mission. One agent **for all missions** has paid for its search once, in
 # training, and decides in about a hundredth of a second wherever it is put.

@@ -225,8 +225,8 @@ checks.learned_network(learn_network)
 #   `sample` is never called on an empty memory.
 #
 # An item is a tuple with any content; return the very tuples that were added. Adding should not get
-# slower when the memory is large. So try to do without shifting all items by one place, as `pop(0)`
-# does; avoiding this is the point of a ring.
+# slower when the memory is large. So try to do without shifting all items by one place, which is
+# what `pop(0)` does; avoiding this is the point of a ring.
 #
 # <details><summary>Hint</summary>
 #
