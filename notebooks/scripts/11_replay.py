@@ -71,9 +71,9 @@ for variant, size in SIZES.items():
 # %% [markdown]
 # In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps in the
 # memory, all three runs come close to greedy. With 4,000 steps, and even with 1,000, most runs are
-# only a little behind these, and the ranges overlap. With 250 steps, not even sixteen for each of
-# the 16 UAVs, the runs bring home 46 to 81 % of the data: two of them end far below all others, and
-# the third does only about as well as the worst of the runs with 4,000 steps.
+# only a little behind these, and the ranges of the three sizes overlap. With 250 steps, not even
+# sixteen for each of the 16 UAVs, the runs bring home 46 to 81 % of the data: two of them end far
+# below all others, and the third does only about as well as the worst of the runs with 4,000 steps.
 #
 # All runs make the same number of updates, and each update draws the same number of steps. So what does a small memory lack?
 #
@@ -193,13 +193,13 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Look at the left side first. While the device is near, both networks learn the near missions. Then
-# the missions change. With a memory of 200 steps, the share of right actions drops steeply in every
-# run, on average from nine states in ten to about four. Nothing was wrong with what the network
-# knew. That knowledge was overwritten: an update for one state moves weights that other states use
-# as well, and the memory no longer holds a step that would correct them. This is called
-# **catastrophic forgetting**. Later the share recovers in part, because far and near missions have
-# something in common.
+# Look at the left side first. While the device is near, the networks learn these missions with
+# either memory. Then the missions change. With a memory of 200 steps, the share of right actions
+# drops steeply in every run, on average from nine states in ten to about four. Nothing was wrong
+# with what the network knew. That knowledge was overwritten: an update for one state moves weights
+# that other states use as well, and the memory no longer holds a step that would correct them. This
+# is called **catastrophic forgetting**. Later the share recovers in part, because far and near
+# missions have something in common.
 #
 # With the large memory, hardly anything is lost. Near missions are no longer flown, but their steps
 # are still drawn, so the network has to stay right about them.
@@ -335,9 +335,10 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 # difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are
-# worth: 3 % of that over Manhattan and 15 % over the open field. In three or four states out of
-# ten, there is no difference, or it goes the other way. Also, a city with a missing building is new
-# to such a network. The test shows what the network looks at, but not how well it would fly there.
+# worth: 3 % of their value over Manhattan and 15 % over the open field. In three or four states out
+# of ten, there is no difference, or it goes the other way. Also, a city with a missing building is
+# new to such a network. The test shows what the network looks at, but not how well it would fly
+# there.
 #
 # This way of asking, a **perturbation analysis**, works for any network and many questions: change
 # one thing in the input that should matter, change something similar that should not, and compare.

@@ -121,7 +121,8 @@ for name, one in {"paper": Environment(city), "failsafe": environment}.items():
 assert flights["landed"].all()
 
 # %% [markdown]
-# All flights land, as long as the map is right and no wind makes a step longer. But the return is still poor, because random moves collect little.
+# All flights land, and always will as long as the map is right and no wind makes a step longer. But the return is still poor, because random moves
+# collect little.
 #
 # What a rule guarantees need not be learned. No crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody
 # must know the rule.
@@ -299,8 +300,8 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # - The **guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or
 #   collect little, and even the copies crash in about one mission in ten.
 # - **Telling** helps the copies. Under the guarantee, agents that learn from reward gain nothing from being told here, perhaps
-#   because in a single city a network can also learn by heart what it is not told. Without the guarantee, all three told runs
-#   crash nearly always.
+#   because in a single city a network can also learn by heart what it is not told. Without the guarantee, all three runs of
+#   *tell + learn* crash in nearly every mission.
 # - **Copying** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but
 #   the copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
 # - **Learning**, after copying, adds 0.4 to 1.3 units of return within a minute.

@@ -126,8 +126,8 @@ for name, record in records.items():
 # %% [markdown]
 # All flights land, so the differences are in the data. The Manhattan specialist brings home far more than the random pilot, so
 # something of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The
-# unknown streets are one likely reason; another may be that it was trained on narrower ranges of device numbers, data and
-# flying time.
+# unknown streets are one likely reason; another may be that it was trained on narrower ranges of flying time, data and numbers
+# of devices.
 #
 # The greedy rule is a strong rival here, because it knows the shortest route between any two cells of any city. Whether the
 # difference between greedy and `any_city` is luck is a question for 13.5.
@@ -180,8 +180,8 @@ play(own.environment, flight.trajectory(0))
 #
 # ## 13.4 Seen and unseen
 #
-# Does an agent do better in the cities that it learned in than in new ones? If it does, it has learned some of them by heart, and
-# more cities would help.
+# Does an agent do better in the cities that it learned in than in new ones? If it does, it has learned some of those cities by
+# heart, and more cities would help.
 #
 # To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or
 # 2000 cities, with three seeds for each number and 200,000 steps for each network. Each flew 500 missions over the cities that
@@ -231,8 +231,8 @@ figure
 
 # %% [markdown]
 # The curves approach each other. A single city is learned by heart: the network is level with greedy there, but almost twenty points
-# behind it elsewhere. With ten cities the gap between the curves is about ten points, and with a hundred it is still about five. With
-# 2000 cities it is gone. That the curves even cross may be luck, because each point is a mean over only 500 missions.
+# behind it elsewhere. With ten cities, the gap between the curves is about ten points, and with a hundred it is still about five.
+# With 2000 cities it is gone. That the curves even cross may be luck, because each point is a mean over only 500 missions.
 #
 # Notice what happens from left to right. The blue curve falls, because many cities are harder to know than one. The red curve rises, because
 # what holds in many cities also holds in the next. Where they meet, nothing is learned by heart any more, so what still holds the

@@ -89,8 +89,8 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # and 8.5 m above the devices.
 #
 # In our tables a ray has up to five reflections or one diffraction, and none goes through a wall. Powers are averaged over the UAV's cell, and added
-# without their phases, so there is no small-scale fading. We also fly without $\eta$ in this world, so the two worlds differ in fading, too. ([The
-# results](../docs/results/real_city.md) give all settings.)
+# without their phases, so there is no small-scale fading. We also fly without $\eta$ in the ray-traced world, so the two worlds differ in fading,
+# too. ([The results](../docs/results/real_city.md) give all settings.)
 #
 # To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's
 # model. So their *mean in dB* agrees by construction, and the comparison tests *where* the signal goes. At a bandwidth of 1
@@ -115,8 +115,8 @@ figure
 
 # %% [markdown]
 # On the right the bright area is wider, because the real street is more open than our 10 m grid says. Beyond the edge of that
-# area the rate falls by a factor of 3 to 60 within one cell, and by more deeper in the shadow. But it does not fall to zero,
-# because waves are bent around the corner or reflected. White cells get less than $10^{-5}$.
+# area the rate falls by a factor of 3 to 60 within one cell, and by even more deep in the shadow. But it does not fall to
+# zero, because waves are bent around the corner or reflected. White cells get less than $10^{-5}$.
 #
 # ## 14.3 Link by link
 #
@@ -159,7 +159,7 @@ for kind, state in kinds.items():
 #   **street canyon** effect. The 3 % of links far below the others are blocked by walls that our grid misses; without them the
 #   spread is 0.8 dB.
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
-#   differ by 60 dB and more, and for a third of them the tracer, with its million rays, finds no path.
+#   differ by 60 dB or more, and for a third of them the tracer, with its million rays, finds no path.
 # - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
 #   slot. Real shadow fading is correlated over 10 to 50 m, and here over 30 to 50 m. It belongs to the place: fly by again, and
 #   the link is as bad as before. So it is a *map*, which could be learned.
@@ -285,8 +285,8 @@ for name, belief in beliefs.items():
 
 # %% [markdown]
 # Told silence, the agent falls far behind, because it never had to learn from the map where data can be had. The gap between
-# the model and the truth is about what measuring can gain. But the truth is no upper bound for a network that was never trained
-# with it, and over a hundred missions so small a gap may be chance.
+# the model and the truth is roughly what measuring can gain. But the truth is no upper bound for a network that was never
+# trained with it, and over a hundred missions so small a gap may be chance.
 #
 # ## 14.6 Measure, then tell
 #
@@ -333,7 +333,8 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any for this device.
+# Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any of this
+# device's.
 #
 # How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. Here is the lead
 # over greedy again (`line` stands for two lines, `link` for link by link, and the number counts the flights):
@@ -371,7 +372,8 @@ for radio in worlds:
 # - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings, where a
 #   ray arrives at all, the model is off by 21 dB (RMS).
 # - `any_city` is ahead of greedy over four real places, but by less under the ray-traced model.
-# - World and belief are two things. Measuring, link by link and with many flights, corrects the belief.
+# - World and belief are two different things. Measuring, link by link and with many flights, corrects
+#   the belief.
 #
 # ## Exercises
 #
