@@ -10,7 +10,6 @@ import argparse
 import base64
 import html
 import re
-import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -23,6 +22,10 @@ with extra("docs"):
     from nbconvert.filters import markdown2html
 
 COURSE = [f"{number:02d}" for number in range(10)]
+# How a sentence begins that says little by itself: it names what was named before, or asks to do
+LEANS = re.compile(
+    r"(They|It|This|That|These|Both|Here|Look|Move|Change|Run|Try|The (code|next))\b"
+)
 BOTH_KINDS = "%config InlineBackend.figure_formats = ['png', 'svg']"
 PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>{title}</title>
@@ -30,15 +33,15 @@ PAGE = """<!doctype html>
 @page {{ size: 13.33in 7.5in; margin: 0 }}
 html {{ scroll-snap-type: y mandatory; font: 1.6rem/1.45 system-ui, sans-serif; color: #16202b }}
 body {{ margin: 0 }}
-section {{ box-sizing: border-box; height: 100vh; padding: 4vh 6vw; scroll-snap-align: start;
-  break-after: page; overflow: hidden; display: flex; flex-direction: column; gap: 2vh }}
-h1, h2 {{ margin: 0; font-size: 2.4rem; color: #17456e }} section.first h1 {{ font-size: 3.4rem }}
+section {{ box-sizing: border-box; height: 100vh; padding: 2vh 5vw; scroll-snap-align: start;
+  break-after: page; overflow: hidden; display: flex; flex-direction: column; gap: 1vh }}
+h1, h2 {{ margin: 0; font-size: 2rem; line-height: 1.2; color: #17456e }}
 p, ul, ol {{ margin: 0 }} li {{ margin: .4em 0 }} table {{ font-size: 1.3rem }}
 img {{ flex: 1; min-height: 0; width: 100%; object-fit: contain; align-self: center }}
 small {{ margin-top: auto; color: #5c6b7a; font-size: 1rem }}
 </style>
 <script>MathJax = {{ tex: {{ inlineMath: [["$", "$"]] }} }}</script>
-<script defer src="tex-svg-full.js"></script>
+<script>{mathjax}</script>
 {slides}
 <script>
 addEventListener("keydown", (event) => {{
@@ -76,8 +79,15 @@ def sentences(text: str, count: int) -> str:
     text = re.sub(r"(?s)<details>.*?</details>|\$\$.*?\$\$|```.*?```", "", text)
     parts = [p for p in re.split(r"\n\s*\n", text) if p.strip() and p.strip()[0] not in "#|<!-"]
     words = " ".join(" ".join(parts).split()).replace("**", "")
+    words = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", words)  # a link leads nowhere from here
     found = re.split(r"(?<=[.?!])\s+(?=[A-Z`$*])", words)
     return " ".join(found[:count])
+
+
+def _caption(text: str) -> str:
+    """One of the first sentences of Markdown: the first that can stand by itself, if one can."""
+    found = [sentences(text, count)[len(sentences(text, count - 1)) :] for count in (1, 2, 3)]
+    return next((s.strip() for s in found if s and not LEANS.match(s.strip())), found[0])
 
 
 def slides_of(notebook: nbformat.NotebookNode) -> list[tuple[str, str, dict | None]]:
@@ -95,21 +105,29 @@ def slides_of(notebook: nbformat.NotebookNode) -> list[tuple[str, str, dict | No
             after = next((c.source for c in cells[k + 1 :] if c.cell_type == "markdown"), "")
             before = next(c.source for c in cells[k::-1] if c.cell_type == "markdown")
             first = not slides
-            slides.append((heading, sentences(before if first else after, 1 + first), data))
+            said = sentences(before, 2) if first else _caption(after) or _caption(before)
+            slides.append((heading, said, data))
             empty = False
-        ends = k + 1 == len(cells) or re.match("##? ", cells[k + 1].source)
+        ends = all(c.cell_type == "markdown" and c.source[:1] == "#" for c in cells[k + 1 : k + 2])
         if empty and ends and heading not in ("Exercises", "Further reading"):
             start = next(
                 c for c in cells[k::-1] if c.source.startswith(("# " + heading, "## " + heading))
             )
-            if said := sentences(start.source, 3):
+            said = sentences(start.source, 3)
+            if said and said[-1] != ":":  # what would follow is not on the slide
                 slides.append((heading, said, None))
             empty = False
     return slides
 
 
-def write(notebook: nbformat.NotebookNode, stem: str, out: Path) -> list[tuple[str, str]]:
-    """Write a notebook's slides and figures; the figures' names and sentences."""
+def write(
+    notebook: nbformat.NotebookNode, stem: str, out: Path, mathjax: str
+) -> list[tuple[str, str]]:
+    """Write a notebook's slides and figures; the figures' names and sentences.
+
+    Arguments:
+        mathjax: the script that draws the formulae.
+    """
     shown, figures, slides = [], [], slides_of(notebook)
     for number, (heading, text, data) in enumerate(slides):
         picture = ""
@@ -125,7 +143,8 @@ def write(notebook: nbformat.NotebookNode, stem: str, out: Path) -> list[tuple[s
             f"<section{'' if number else ' class=first'}><{level}>{html.escape(heading)}</{level}>"
             f"{markdown2html(text)}{picture}<small>{stem} · {number + 1}</small></section>"
         )
-    page = PAGE.format(title=html.escape(slides[0][0]), slides="\n".join(shown))
+    title = html.escape(slides[0][0])
+    page = PAGE.format(title=title, mathjax=mathjax, slides="\n".join(shown))
     (out / "slides" / f"{stem}.html").write_text(page, encoding="utf-8")
     return figures
 
@@ -147,11 +166,11 @@ def main() -> None:
         parser.error("sphinx-mathjax-offline is not installed: pip install -e '.[docs]'")
     for name in ("slides", "figures"):
         (options.out / name).mkdir(parents=True, exist_ok=True)
-    static = Path(mathjax.origin).parent / "static" / "mathjax"
-    shutil.copy(static / "tex-svg-full.js", options.out / "slides")
+    path = Path(mathjax.origin).parent / "static" / "mathjax" / "tex-svg-full.js"
+    script_of_formulae = path.read_text(encoding="utf-8")
     rows = []
     for script in chosen.values():
-        figures = write(executed(script), script.stem, options.out)
+        figures = write(executed(script), script.stem, options.out, script_of_formulae)
         print(f"{script.stem}: {len(figures)} figures", flush=True)
         for name, text in figures:
             said = f"{name}: {html.escape(text)}"

@@ -263,7 +263,10 @@ def trained(fault):
             cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
             with torch.set_grad_enabled(fault == "gradient"):
                 following = cell if fault == "cell" else after
-                y = reward + gamma * (1 - ended) * target(following).amax(1, keepdim=True)
+                judged = target(following)
+                if fault == "clipped":
+                    judged = torch.minimum(judged, online(following))
+                y = reward + gamma * (1 - ended) * judged.amax(1, keepdim=True)
             q = online(cell).gather(1, action.long())
             if fault in ("all", "largest"):
                 q = online(cell) if fault == "all" else online(cell).amax(1, keepdim=True)
@@ -530,6 +533,7 @@ MISTAKES = {
         (network_learner(), "comes from the target network"),
         (network_learner(tau=lambda tau: 1 - tau), r"are swapped.*its weights\.$"),
         (network_learner(tau=lambda tau: 0.05), "With τ = 0"),
+        (trained("clipped"), "comes from the target network. With τ = 0"),
         (trained("never"), r"Your target network did not change.*online one\.$"),
         (trained("fresh"), "does not begin as a copy of the online one"),
         (trained("returned"), "is not the trained one: return the online"),

@@ -69,6 +69,9 @@ def test_the_numbers_of_the_exam_s_answers_are_right():
     text = (DOCS / "teach" / "exam.md").read_text()
     solved = {name: one.solution for name, one in EXERCISES.items()}
     low, high = (float(solved["rate_from_snr"](snr)) for snr in (-10, 10))
+    p = solved["permutation_p"]
+    smallest, here = p([4, 5, 6], [1, 2, 3]), p([96.1, 95.8, 96.4], [95.9, 95.2, 95.5])
+    assert f"extreme: {smallest} [1]. (With these numbers it is {here}," in text
     assert f"= {low:.2f} [1]" in text and f"= {high:.2f}, {high / low:.0f} times" in text
     assert f"= {solved['same_path_loss'](40):.0f} m" in text
     assert f"16 · (6 · 25 + 1) = {16 * (6 * 25 + 1)}" in text

@@ -18,6 +18,9 @@ SCRIPT = """# %% [markdown]
 # **What is seen?** A line, as one knows it. And more.
 
 # %%
+# The first cell begins with a comment, which is no heading
+
+# %%
 # %matplotlib inline
 from matplotlib.figure import Figure
 figure = Figure(figsize=(2, 1))
@@ -25,7 +28,7 @@ figure.subplots().plot([0, 1])
 figure
 
 # %% [markdown]
-# The line **rises**. It is straight.
+# Look at [the line](../docs/index.md). The line **rises**. It is straight.
 #
 # ## 9.1 Words alone
 #
@@ -62,10 +65,11 @@ def test_a_slide_is_a_section_with_its_figure_and_the_sentence_about_it(tmp_path
     ]
     for name in ("slides", "figures"):
         (tmp_path / name).mkdir()
-    (figure,) = lecture.write(notebook, "09_test", tmp_path)
+    (figure,) = lecture.write(notebook, "09_test", tmp_path, "draw()")
     assert figure[0] == "09_test-1" and "<svg" in (tmp_path / "figures/09_test-1.svg").read_text()
     assert (tmp_path / "figures/09_test-1.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "slides" / "09_test.html").read_text()
+    assert "<script>draw()</script>" in page and "src=" not in page.replace('src="data:', "")
     assert page.count("<section") == 3 and "<li>It rises.</li>" in page
     assert '<img alt="What is seen? A line, as one knows it." src="data:image/png' in page
 

@@ -73,6 +73,5 @@ for name, recipe in (("normal", normal), ("better", better)):
 # - **No baseline.** Is either of the agents as good as greedy?
 # - **The words.** “Better” is the name of the recipe, not its result.
 #
-# By the table in the [template](project.ipynb) this project earns one point out of ten, because it
-# at least compared its two agents on the same missions. Nevertheless, the idea is a good one. How
-# would you test it?
+# By the table in the [template](project.ipynb) this project earns no point out of ten. Nevertheless,
+# the idea is a good one. How would you test it?
