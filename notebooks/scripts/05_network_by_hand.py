@@ -235,8 +235,8 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # %% [markdown]
 # The blue square is the unit's **receptive field**: 17 of 31 cells on each side. Along a side, the
 # unit sees 5 units of the first convolution, which lie 3 cells apart because of the stride, and
-# each of these sees 5 cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only
-# $5+4=9$ cells.
+# each of these sees 5 cells, so $5+4\cdot3=17$. With the paper's strides of 1 the unit would see
+# only $5+4=9$ cells.
 #
 # ## 5.6 One question, three networks
 #

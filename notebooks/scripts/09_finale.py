@@ -283,7 +283,7 @@ for name, each in flown.items():
 #
 # Could the agent fly a real UAV? What separates a simulator from the street is called the
 # **sim-to-real gap**. Our UAV knows its position, the map and the data left exactly, meets no wind,
-# and saves time where a real one saves energy. Before a real flight, put such errors into the
+# and saves time where a real one saves energy. Before a real flight, put realistic errors into the
 # evaluation one at a time (a position one cell off, a building missing from the map, stronger
 # fading), see which costs most, and train with that error drawn at random (**domain
 # randomisation**).
