@@ -130,7 +130,8 @@ assert flights["landed"].all()
 # ## 12.2 Tell: maps of what can be computed
 #
 # The network of notebook 5 sees buildings, but it must find out from reward where devices can be heard and which way leads around a
-# block. The environment, however, knows the channel and the city, so both can be computed and added to the map as three more layers:
+# block. The environment, however, knows the channel and the city, so it can compute the answers, which are added to the map as three
+# more layers:
 
 # %%
 from uavdh_lite.beyond.told import TOLD_LAYERS, ToldObservation

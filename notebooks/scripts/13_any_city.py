@@ -172,9 +172,10 @@ play(own.environment, flight.trajectory(0))
 
 # %% [markdown]
 # The network was made for 16 cells on a side. How does it cope with ten? A city that is too small is filled up with no-fly
-# cells to 16 on a side (**padding**), and every city has such cells beyond its border. What these cells say is true: the UAV
-# cannot get there. And because the agent learned in cities of eight to sixteen cells on a side, it has seen such cities. A city
-# that is too large does not fit, because the first fully connected layer has a weight for every place on the map.
+# cells to 16 on a side (**padding**), and in the centred map every city has such cells beyond its border. What these cells say
+# is true: the UAV cannot get there. And because the agent learned in cities of eight to sixteen cells on a side, it has seen
+# padded ones before. A city that is too large does not fit, because the first fully connected layer has a weight for every
+# place on the map.
 #
 # In the labs you can do the same with the mouse: in the tool *Paint* (`python -m uavdh_lite app`), paint a city and let the agent fly.
 #

@@ -161,8 +161,8 @@ for kind, state in kinds.items():
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB or more, and for a third of them the tracer, with its million rays, finds no path.
 # - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
-#   slot. Real shadow fading is correlated over 10 to 50 m, and here over 30 to 50 m. It belongs to the place: fly by again, and
-#   the link is as bad as before. So it is a *map*, which could be learned.
+#   slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 30 to 50 m. It belongs to the place: fly by
+#   again, and the link is as bad as before. So it is a *map*, which could be learned.
 #
 # Is the model a bad one, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So compare the
 # rates:

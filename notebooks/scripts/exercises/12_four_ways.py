@@ -103,8 +103,8 @@ checks.failsafe_mask(fits)
 #
 # <details><summary>Another hint</summary>
 #
-# For each cell begin with a copy of `left`. Four times: set the rate of empty devices to −infinity, take the largest, send the smaller of two
-# amounts, and subtract it.
+# For each cell begin with a copy of `left`. Four times: set the rate of empty devices to −infinity, take the largest, send the smaller of
+# that rate and what the device has left, and subtract it.
 # </details>
 
 # %%
