@@ -529,7 +529,7 @@ def exercises() -> str:
 PILOTS = {
     "greedy": "greedy",
     "ddqn": "`manhattan_ddqn`, a strengthened DDQN that was trained for another city",
-    "nothing": "`any_city`, told silence: that no data can be had anywhere",
+    "nothing": "`any_city`, told silence: that no data can be collected anywhere",
     "model": "`any_city`, told the paper's model",
     **{
         f"{kind}_{count}": f"`any_city`, told {what} {count} earlier flight{'s' * (count > 1)}"
