@@ -144,18 +144,18 @@ FILES = {  # what others handed in instead of a notebook under its name
     "capitals": (lambda text: text, f"{ASSIGNMENT}/{ASSIGNMENT}.IPYNB", [1, 2, 2], "was named"),
     "above": (lambda text: text, f"{ASSIGNMENT}.ipynb", [1, 2, 2], "was named"),
     "notepad": (lambda text: "\ufeff" + text, FILE, [1, 2, 2], None),
-    "garbage": (lambda text: "this is no notebook", FILE, [0, 0, 0], "set aside: not a notebook"),
-    "cut": (lambda text: text[: len(text) // 2], FILE, [0, 0, 0], "set aside: not a notebook"),
-    "list": (lambda text: "[]", FILE, [0, 0, 0], "set aside: not a notebook"),
-    "empty": (lambda text: "", FILE, [0, 0, 0], "set aside: not a notebook"),
+    "garbage": (lambda text: "this is no notebook", FILE, [0, 0, 0], "cannot be opened"),
+    "cut": (lambda text: text[: len(text) // 2], FILE, [0, 0, 0], "cannot be opened"),
+    "list": (lambda text: "[]", FILE, [0, 0, 0], "cannot be opened"),
+    "empty": (lambda text: "", FILE, [0, 0, 0], "cannot be opened"),
     "other": (lambda text: OTHER.read_text(), FILE, [0, 0, 0], "set aside: another notebook"),
     "nothing": (lambda text: None, FILE, [0, 0, 0], "nothing handed in"),
     "zip": (
-        lambda text: text, f"{ASSIGNMENT}/homework.zip", [0, 0, 0], "no notebook among homework.zip"
+        lambda text: text, f"{ASSIGNMENT}/homework.zip", [0, 0, 0], "hand in the .ipynb"
     ),
     "no_character": (
         lambda text: text.replace("snr_db / 10", "snr_db / 10 # \\ud800"), FILE, [0, 0, 0],
-        "set aside: not a notebook (UnicodeEncodeError",
+        "cannot be opened as a notebook (UnicodeEncodeError",
     ),
     "twin": (lambda text: text + " ", FILE, [1, 2, 2], "the same file as twin_too"),
     "twin_too": (lambda text: text + " ", FILE, [1, 2, 2], "the same file as twin"),
@@ -206,7 +206,10 @@ def test_all_that_was_answered_is_in_the_copy_and_what_was_handed_in_is_as_it_wa
         copy = nbformat.read(path, as_version=4)
         nbformat.validate(copy)
         marked = [c.metadata.nbgrader.grade_id for c in copy.cells if "nbgrader" in c.metadata]
-        assert marked == ["1-1", "check-1-1", "1-2", "check-1-2", "1-3", "check-1-3"]
+        numbers = [o.number for o in checks.EXERCISES.values() if o.number.startswith("1.")]
+        assert marked == [
+            f"{kind}{n.replace('.', '-')}" for n in numbers for kind in ("", "check-")
+        ]
         text = "\n".join(cell.source for cell in copy.cells)
         for note in sheet.notes:  # a student does not learn another one's name
             assert note.replace("as twin_too", "as").replace("as twin", "as") in text
@@ -422,7 +425,7 @@ def test_moodle_s_worksheet_is_filled_in_with_the_points(tmp_path, capsys):
         book.find_grade("check", "one", ASSIGNMENT, "B_102").auto_score = None
         book.db.commit()
     assert main(command) == 2  # what was never graded is not worth 0 points
-    assert f"autograde --force --student='B_102' {ASSIGNMENT}" in capsys.readouterr().err
+    assert f'autograde --force --student="B_102" {ASSIGNMENT}' in capsys.readouterr().err
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
@@ -506,8 +509,8 @@ def test_feedback_says_what_is_wrong_and_what_was_odd(course):
         "swallows": "it never ends, and cannot be interrupted",
         "exits": "it ended its own kernel",
         "asks": "input()",
-        "garbage": "set aside: not a notebook",
-        "zip": "no notebook among homework.zip",
+        "garbage": "cannot be opened",
+        "zip": "hand in the .ipynb",
     }.items():
         assert text in said[student], student
     assert len(said["noisy"]) < len(said["all"]) + 300_000

@@ -117,7 +117,7 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
         others = sorted(p.name for p in (student / assignment).glob("*") if p.suffix != ".ipynb")
         sheet.missing = not named and not others
         sheet.notes.append(
-            f"no notebook among {', '.join(others)}" if others else "nothing handed in"
+            f"hand in the .ipynb itself, not {', '.join(others)}" if others else "nothing handed in"
         )
         return sheet
     path = max(own, key=lambda p: (p.name == f"{assignment}.ipynb", p.stat().st_mtime))
@@ -137,8 +137,10 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
         sheet.notebook = mended
     except Exception as error:  # whatever a student's file makes a parser say
         sheet.answered = 0
-        said = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        sheet.notes.append(f"set aside: not a notebook ({said})")
+        damaged = "set aside: the file cannot be opened as a notebook"
+        sheet.notes.append(
+            f"{damaged} ({type(error).__name__}): save it in Jupyter and hand it in again"
+        )
     return sheet
 
 
@@ -345,7 +347,7 @@ def fill_in(
                 if None in [grade.auto_score for part in one.notebooks for grade in part.grades]:
                     stopped = one.student.id
     if stopped:
-        again = f"nbgrader autograde --force --student='{stopped}' {assignment}"
+        again = f'nbgrader autograde --force --student="{stopped}" {assignment}'
         raise InputError(f"{grades}: grading was stopped at {stopped}: run {again}")
     if not shares:
         raise InputError(f"{grades}: nothing graded for {assignment}: run nbgrader autograde first")

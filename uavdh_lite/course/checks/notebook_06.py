@@ -101,6 +101,7 @@ def network_values(learn, seed, *case):
     Infinite if it has exploded; nan at the device, since no step begins there.
     """
     torch.manual_seed(seed)
+    np.random.seed(seed)  # noqa: NPY002 (an answer may draw its minibatches with it)
     *constants, device, price = case
     memory = flights_of(small_city(device, price), 100)
     with Watched(*constants[1:]) as watched:
