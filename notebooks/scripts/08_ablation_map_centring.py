@@ -116,8 +116,7 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.82
 ax.legend();
 
 # %% [markdown]
-# The result looks clear: at the end, the centred map wins by far. Here are six seeds; the one above
-# was seed 2.
+# The centred map seems to win by far. Here are six seeds; the one above was seed 2.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
@@ -149,8 +148,10 @@ figure.supylabel("collected and landed");
 # A **95 % confidence interval** extends a few standard errors to either side of the result. With
 # many runs it takes two, or 1.96 to be exact. With few runs $s$ itself is uncertain, so it takes
 # more. *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three. For two kinds
-# together the number is a little smaller; we take the larger one, to be safe. If all runs were made
-# again and again, at least 95 % of such intervals would contain the true gap.
+# together fewer are enough, about 2.2 with six runs of each and 2.8 with three if both vary alike;
+# we take the larger numbers, to be safe. If all runs were made again and again, at least 95 % of
+# such intervals would contain the true gap, provided that the results are roughly normally
+# distributed.
 
 # %%
 import numpy as np
@@ -172,11 +173,11 @@ ax.axvline(0, color="black")
 ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
-# Each bar is such an interval, of at least 95 %. After 300,000 steps the whole bar lies on one side
-# of 0: the centred agents seem to learn **sooner**. At the end of the long runs the interval
-# contains 0, so these runs do not say which kind is **better in the end**. In the village 0 lies
-# just inside the interval. We chose the 300,000 steps after seeing the curves, so the first gap is
-# less certain than it looks.
+# Each bar is such an interval. After 300,000 steps the whole bar lies on one side of 0: the centred
+# agents seem to learn **sooner**. At the end of the long runs the interval contains 0, so these
+# runs do not say which kind is **better in the end**. In the village 0 lies just inside the
+# interval. We chose the 300,000 steps after seeing the curves, so the first gap is less certain
+# than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -196,14 +197,15 @@ Quiz("three_seeds")
 # probability that the methods are equally good.
 #
 # In the village only 10 of the 924 ways give so large a gap, a p-value of 1 %. Yet the interval
-# above just contained 0. We made it a little too wide on purpose, and the failed run of seed 2
-# makes $s$ large, whereas a permutation test assumes no normal distribution. So there is probably a
-# lead, but we hardly know how large it is.
+# above just contained 0. We made it too wide on purpose (2.2 standard errors would just have missed
+# 0), and the failed run of seed 2 makes $s$ large, whereas a permutation test assumes no normal
+# distribution. So there is probably a lead, but we hardly know how large it is.
 #
-# If five parts of a recipe are taken away one by one, and none of them matters, at least one
-# comparison still comes out below 5 % nearly one time in five. So name the main comparison
-# beforehand, or ask for 5 % divided by the number of comparisons (**Bonferroni**), or repeat the
-# surprising one with new seeds.
+# If five parts of a recipe are taken away one by one, and none of them matters, at least one of the
+# five comparisons with the same full recipe still comes out below 5 % nearly one time in five. (If
+# the five were independent, it would be 23 %.) So name the main comparison beforehand, or ask for
+# 5 % divided by the number of comparisons (**Bonferroni**), or repeat the surprising one with new
+# seeds.
 #
 # And plan enough runs: to find a gap as large as $s$ at the 5 % level in four studies out of five,
 # you need about 17 runs of each kind.
@@ -295,8 +297,6 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # the unfamiliar picture confuses it. This is overfitting again, to a city this time and not to
 # examples.
 #
-# So ask not only how good an agent is, but also what must not change if it is to stay that good.
-#
 # ## 8.6 What the evidence shows
 #
 # | question | what these runs say |
@@ -306,8 +306,6 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # | Is the paper's larger gap wrong? | These runs cannot say: it comes from another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
 # | Is it the centring alone? | Open: the other frame gives the position differently, as a single 1 |
-#
-# Write the question down beforehand, and also which result would mean *no*.
 #
 # ## Recap
 #
