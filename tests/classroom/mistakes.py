@@ -13,6 +13,7 @@ from uavdh_lite.course import checks
 from uavdh_lite.course.small_city import learn_network, learn_table
 from uavdh_lite.ddqn import softmax_policy
 from uavdh_lite.environment import MOVES
+from uavdh_lite.planners import Greedy
 from uavdh_lite.replay import Replay
 
 
@@ -570,6 +571,7 @@ MISTAKES = {
         (all_n, r"IndexError.*in line \d+, `.*`\. Where fewer than n steps are stored, m = T"),
     ],
     "village_dqn": [
+        (lambda environment, *rest: Greedy(environment).act, "Nothing was trained"),
         (village("        optimiser.step()\n"), "The weights do not change"),
         (village("        optimiser.zero_grad()\n"), "is missing before `loss.backward"),
         (village("gather(1, taken)[:, 0]", "gather(1, taken)"), "that makes 64 × 64 numbers"),

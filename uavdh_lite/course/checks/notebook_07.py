@@ -53,6 +53,8 @@ def wrong_training(train) -> str:
         q_values = train(environment, scenario, REWARDS, ROUNDS, stream(Use.EXERCISE, 0))
     if not callable(q_values):
         return f"Return a function q_values(state). You returned {show(q_values)}."
+    if not watched.updates:
+        return "Nothing was trained: `loss.backward()` was never called."
     q = q_values(scenario.sample(environment, 3, stream(Use.EXERCISE, 1)))
     if np.shape(q) != (3, 6):
         return f"For three states q_values gives {show(q)}, not a tensor of shape (3, 6)."
