@@ -133,10 +133,10 @@ figure.legend(loc="outside right upper", fontsize="small");
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
 # the air when the true time is up, because the clock never warns them. With 50 or 60 units most
 # UAVs stay in the air until they crash, even if nothing is left to collect. Judged by the reward,
-# landing at once would then be best, because each further step costs something. But in training
-# hardly any UAV was over its landing zone with 60 units left and nothing to fetch, so the Q-values
-# of such states were hardly ever corrected, and they are wrong. No orange point comes near the
-# black line.
+# landing at once would then be best, because each further step costs something. But the Q-values of
+# such states are wrong: presumably hardly any UAV in training was over its landing zone with 60
+# units left and nothing to fetch, so the agent had little to learn them from. No orange point comes
+# near the black line.
 #
 # Without the time, what the agent sees, its **observation**, would not be a **Markov** state,
 # because the future would depend on something that the agent cannot see. The problem would be

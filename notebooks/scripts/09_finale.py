@@ -5,9 +5,8 @@
 # landing zones, the agent was lost, probably because it knew many places by heart. **Can an agent
 # beat the rule, and can an agent fly over a city that it has never seen?** Each point below is the
 # mean return of one pilot over the same 1000 missions. The grey line marks the rule. The labels on
-# the left say which pilot it is, or what it was given; sections 9.2 to 9.5 explain them. (The pilot
-# `random` is left out of the picture, because it would be far to the left; it is in the table of
-# 9.6.)
+# the left say which pilot it is, or what it was given; sections 9.2 to 9.5 explain them. (`random`
+# would be far to the left, so it is only in the table of 9.6.)
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -70,10 +69,10 @@ figure
 #
 # ## 9.1 Where we stand
 #
-# You now know what a link is worth and why (notebooks 1 and 2), what a step earns (3), what the
-# network sees (4), how it computes (5) and how it learns (6, 7). And you know how to say honestly
-# how good an agent is (8): the DDQN agent, strengthened by the recipe `lite`, brings home about as
-# much as the paper's did over its own map, and a little less than a rule that needs no training.
+# You now know what a link is worth (notebooks 1 and 2), what a step earns (3), what the network sees
+# and computes (4, 5), how it learns (6, 7), and how to say honestly how good an agent is (8): the
+# DDQN agent, strengthened by the recipe `lite`, brings home about as much as the paper's did over
+# its own map, and a little less than a rule that needs no training.
 #
 # Should we have stopped at the rule, then? Our agent learned from reward alone. It sees the street
 # map, like the rule, but nobody told it what the map means: how moves work, which routes are short,
@@ -144,10 +143,9 @@ figure
 
 # %% [markdown]
 # The picture is bright around each device and along the streets, and dark where a building is in
-# the way: these are the shadows of notebook 2. The spot around the second device is dimmer, and
-# its brightest cells all have the same colour, because the device holds only 6 units and no cell
-# can bring more than that. The agent is given two more pictures of this kind: how far home is from
-# each cell, and how far each cell is from the UAV.
+# the way: these are the shadows of notebook 2. The spot around the second device is dimmer, because
+# no cell can bring more than the 6 units that this device holds. The agent is given two more
+# pictures of this kind: how far home is from each cell, and how far each cell is from the UAV.
 #
 # ## 9.4 Copy
 #
@@ -184,11 +182,12 @@ figure
 # $A$ is positive, as if the action came from the genie, and lowers it if $A$ is negative. Such a
 # method, which changes the probabilities themselves, is called a **policy gradient** method. Ours
 # learns no values. Others, such as PPO (*proximal policy optimisation*) in its usual form, also
-# learn what each state is worth, and measure $A$ against that (**actor–critic**). Both kinds are
+# learn what each state is worth, and measure $A$ against that (**actor–critic**). Ours and PPO are
 # on-policy: they can learn only from flights of the present agent, because those of an older agent
 # were drawn from other probabilities. So they use a flight once or a few times and throw it away,
-# whereas DDQN learns from a stored step again and again. Where steps are expensive, DDQN, which is
-# more **sample-efficient**, is the better choice.
+# whereas DDQN learns from a stored step again and again. (There are off-policy actor–critic
+# methods, too, such as the SAC of 4.4: they learn Q-values, so they can use a replay memory.) Where
+# steps are expensive, DDQN, which is more **sample-efficient**, is the better choice.
 #
 # ## 9.6 The ladder
 #
@@ -203,10 +202,9 @@ for name, values in ladder.items():
     print(f"{name:<34}{values.mean():8.2f}{mean:+18.2f}{interval:>20}")
 
 # %% [markdown]
-# In this table, the lowest rung of the ladder comes first. The agent that was given all four gifts
-# is **ahead of the rule**, and the interval of its lead stays away from 0. (This agent comes from a
-# single training run.) These flights do not say whether three of the gifts would have been enough.
-# Here is what each gift costs:
+# The agent that was given all four gifts is **ahead of the rule**, and the interval of its lead
+# stays away from 0. (This agent comes from a single training run.) These flights do not say whether
+# three of the gifts would have been enough. Here is what each gift costs:
 #
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
@@ -229,12 +227,10 @@ for name, values in ladder.items():
 #
 # ## 9.7 A city that you have just typed
 #
-# Notebook 8 moved the landing zones by two cells, and the agent was lost in most of its missions,
-# probably because it had partly learned places by heart instead of reading the map. What if an
-# agent learns in *thousands* of cities, a new one for each mission? It cannot know all of them by
-# heart. `any_city` learned in that way, with the four gifts. Type a city, and let the agent fly
+# The agent of notebook 8 had probably learned some places by heart. What if an agent learns in
+# *thousands* of cities, a new one for each mission? It cannot know all of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let the agent fly
 # over it. `L` is a landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size
-# up to 16 × 16 cells will do. Change the city as you like:
+# up to 16 × 16 cells will do, so change the city as you like:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -279,7 +275,10 @@ for name, each in flown.items():
 # What has learning gained us, if the agent may be no better than the rule? One agent **for each
 # mission** would be an optimiser, like the genie: it would search until it had a good flight, and
 # begin again with the next mission. One agent **for all missions** has paid for its search once, in
-# training, and decides in about a hundredth of a second wherever it is put.
+# training, and decides in about a hundredth of a second wherever it is put. A network for a single
+# mission would lie in between: it would probably need far fewer steps and might fly that mission a
+# little better, but each new mission would need another training run. So the price of one network
+# for all is longer training, with weights that have to serve every mission.
 #
 # Could the agent fly a real UAV? What separates a simulator from the street is called the
 # **sim-to-real gap**. Our UAV knows its position, the map and the data left exactly, meets no wind,
@@ -306,8 +305,7 @@ for name, each in flown.items():
 # ```
 #
 # The second line prints your own leaderboard. The guide to [comparing
-# policies](../docs/how_to/compare.md) shows what a policy looks like. Greedy is the pilot to beat,
-# and you know by now that it can be beaten.
+# policies](../docs/how_to/compare.md) shows what a policy looks like. Greedy is the pilot to beat.
 #
 # ## Recap
 #
