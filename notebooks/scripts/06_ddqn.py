@@ -108,8 +108,8 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 # The UAV picked all actions at random, and still learned what *good* flying is worth, because the
 # target asks for the *best* next action and not for the one taken next. A method that may learn
 # from the flights of another policy is called **off-policy**. (That policy must try every action in
-# every cell again and again. Then the table provably becomes right if $\alpha$ slowly falls to 0.)
-# An **on-policy** method, such as *SARSA*, would have learned what flying at random is worth.
+# every cell again and again.) An **on-policy** method, such as *SARSA*, would have learned what
+# flying at random is worth.
 #
 # ### The discount
 #
@@ -124,8 +124,11 @@ for gamma in (0.5, 0.95, 1.0):
     print(f"γ = {gamma:<5}the start is worth {table(300, gamma)[START]:.1f}")
 
 # %% [markdown]
-# With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=1$ it counts in full, which
-# does no harm here. So **why discount, if the plain sum is what we want?**
+# With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=0$ only the next reward would
+# count, as for the agent in 3.3 that lands at once. With $\gamma=1$ the device counts in full, which
+# does no harm here: the sum stays finite, because every flight ends. (In a task without an end it
+# could grow without bound, so there $\gamma$ must be below 1.) So **why discount, if the plain sum
+# is what we want?**
 #
 # - *Errors.* Each value is estimated from the next, which is estimated from the one after it, and
 #   so on. Each link adds an error, and $\gamma$ shrinks the errors from far away.
@@ -137,8 +140,7 @@ for gamma in (0.5, 0.95, 1.0):
 # The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
 # the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 and is 60
 # steps ahead counts only $150\cdot0.95^{60}\approx7$. In the paper's city that does no harm,
-# because home is never more than 14 moves away, and 15 steps ahead a crash still counts 70. A
-# longer way home needs a larger $\gamma$.
+# because home is never more than 14 moves away. A longer way home needs a larger $\gamma$.
 #
 # ## 6.2 A network instead of the table
 #
@@ -201,9 +203,6 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # the target, the network has pushed the target away. Next time it takes a longer step, and pushes
 # harder.
 #
-# If an update raises the best value of $s'$ more than $1/\gamma\approx1.05$ times as far as it
-# raises $Q(s,a)$, the gap between $Q(s,a)$ and its target grows.
-#
 # Three things have come together: a network that generalises, targets made from its own estimates
 # (**bootstrapping**), and learning off-policy. Together they are the *deadly triad*: no theorem
 # promises that such learning ends well.
@@ -233,7 +232,7 @@ ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# With $\tau=1$ all three runs climb, but with $\tau=0.05$ all three settle. Are their values right?
+# With $\tau=0.05$ all three runs settle. Are their values right?
 
 # %%
 values = [online(CELLS).detach().amax(1).view(4, 4) for online, _ in calm]
@@ -241,7 +240,7 @@ draw_maps({"table": table(300), "network": values[0], "another": values[1]}, num
 
 # %% [markdown]
 # They nearly are, even in cell (1, 1), which the networks never saw. Only the device's own cell is
-# far off: no step starts there, so nothing corrects its value.
+# far off, because no step starts there.
 #
 # ## 6.4 Exploring
 #
@@ -270,9 +269,9 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 axes[0].set_ylabel("probability");
 
 # %% [markdown]
-# At β = 0.1 the agent takes one of the two best actions, at β = 1 any move or hovering, and at β =
-# 10 any of the six. When training is over, it no longer draws but takes the best action. This is
-# the **greedy policy** (eq. 9).
+# With a low β the agent nearly always takes one of the best actions, with a high β almost any. When
+# training is over, it no longer draws but takes the best action. This is the **greedy policy** (eq.
+# 9).
 #
 # The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
 # otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
@@ -316,21 +315,23 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # The right target is 0, and only the stranger finds it. The target network, an older copy, is a
 # related judge, so it removes only part of the bias.
 #
-# **DDQN** means *double deep Q-network*: *deep*, because a network replaces the table, and
-# *double*, because one network chooses and another judges.
+# Why not simply halve the maximum, or subtract a constant from it? Because the bias is not the same
+# everywhere: it is large where several actions are almost equally good and their values uncertain,
+# and nearly 0 where one action is clearly the best. So it does not cancel when states are compared,
+# and it draws the agent to states about which it knows little.
+#
+# A deep network with double Q-learning is a *double deep Q-network*, or **DDQN**.
 #
 # ## 6.6 All of it
 #
 # [One page](../docs/tutorials/pseudocode.md) shows all this as pseudocode, beside the names in the
-# code. For the paper's city only the network changes (notebook 5).
+# code.
 #
 # ## Recap
 #
 # - The Bellman equation ties each Q-value to those of the next state, so the news of a reward
 #   spreads backwards.
-# - A discount below 1 damps errors and noise from far ahead; the price is short-sightedness.
-# - A replay memory makes the examples of a minibatch nearly independent; combined replay adds the
-#   newest step to each minibatch.
+# - A replay memory makes the examples of a minibatch nearly independent.
 # - A network that makes its own targets may explode; a slow target network keeps it calm.
 #
 # ## Exercises
