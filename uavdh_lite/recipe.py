@@ -158,8 +158,8 @@ PAPER = Recipe("paper")
 PLAIN = replace(PAPER, name="plain", strides=(3, 1), learning_rate=3e-4)
 """The paper's algorithm and nothing else, with a network that a processor can afford.
 
-It departs from `PAPER` in two values: the first convolution takes every third cell, so that an
-update costs about an eighth, and the learning rate fits the smaller network.
+It departs from `PAPER` in two values: the first convolution moves by three cells, so that an update
+costs about an eighth (and 2 of 31 rows and columns are not read), and the learning rate fits that.
 """
 
 LITE = Recipe(

@@ -67,8 +67,9 @@ Quiz("frame_size")
 # A city with $M$ cells on each side needs a frame that is $2M-1$ cells wide. When the UAV is at one
 # edge of the city, the opposite edge is $M-1$ cells away. That can happen in either direction, so
 # the frame has $M-1$ cells on both sides of the UAV's own cell, and the whole city is in the
-# picture wherever the UAV is. Outside the city the layer "no-fly zone" is 1, because leaving the
-# city is refused just as entering a no-fly zone is. All other layers are 0 there.
+# picture wherever the UAV is. (Whether a network reads all of the picture is another matter: 5.5.)
+# Outside the city the layer "no-fly zone" is 1, because leaving the city is refused just as
+# entering a no-fly zone is. All other layers are 0 there.
 #
 # ## 4.2 The stopped clock
 #
@@ -151,9 +152,9 @@ figure.legend(loc="outside right upper", fontsize="small");
 # ## 4.3 Two frames
 #
 # How is the map centred? Every layer is shifted so that the UAV's cell lies in the middle of the
-# frame, and the places beyond the city's border are filled in: with 1 in the no-fly layer, and with
-# 0 in all others (exercise 4.1). Here are the buildings (dark) and all other cells of the no-fly
-# layer (pale) as the network sees them from three places:
+# frame, and the places beyond the city's border are filled in (exercise 4.1). Here are the
+# buildings (dark) and all other cells of the no-fly layer (pale) as the network sees them from
+# three places:
 
 # %%
 def seen_from(uav):

@@ -54,7 +54,7 @@ for name, recipe in centring(LITE).items():
     print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
 
 # %% [markdown]
-# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they are
+# Both networks get 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they are
 # equally large, except that the city in place needs one more layer to show the UAV: 246,006 weights
 # with the centred map, 246,406 without.
 #
@@ -129,10 +129,9 @@ figure.supylabel("collected and landed");
 
 # %% [markdown]
 # **One seed can show nearly anything**: that the centred map is far better, as with seed 2, that it
-# is a little better, as with seed 3, or that it makes no difference, as with seed 5. Had the runs
-# ended after 4000 steps, seed 2 would have shown the opposite. Each of these pictures comes from a
-# correct experiment, done only once. Report all seeds, because the best of several owes more to
-# luck than the others.
+# is a little better, as with seed 3, or that it makes no difference, as with seed 5. Each of these
+# pictures comes from a correct experiment, done only once. Report all seeds, because the best of
+# several owes more to luck than the others.
 #
 # ## 8.4 How sure can you be?
 #
@@ -149,9 +148,8 @@ figure.supylabel("collected and landed");
 # many runs it takes two, or 1.96 to be exact. With few runs $s$ itself is uncertain, so it takes
 # more. *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three. For two kinds
 # together fewer are enough, about 2.2 with six runs of each and 2.8 with three if both vary alike;
-# we take the larger numbers, to be safe. If all runs were made again and again, at least 95 % of
-# such intervals would contain the true gap, provided that the results are roughly normally
-# distributed.
+# we take the larger numbers. If all runs were made again and again, at least 95 % of such intervals
+# would contain the true gap, provided that the results are roughly normally distributed.
 
 # %%
 import numpy as np
@@ -173,11 +171,10 @@ ax.axvline(0, color="black")
 ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
-# Each bar is such an interval. After 300,000 steps the whole bar lies on one side of 0: the centred
-# agents seem to learn **sooner**. At the end of the long runs the interval contains 0, so these
-# runs do not say which kind is **better in the end**. In the village 0 lies just inside the
-# interval. We chose the 300,000 steps after seeing the curves, so the first gap is less certain
-# than it looks.
+# After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
+# **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which
+# kind is **better in the end**. We chose the 300,000 steps after seeing the curves, so the first
+# gap is less certain than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -196,10 +193,11 @@ Quiz("three_seeds")
 # make it large, and one that is not significant has not been shown to be 0. Nor is the p-value the
 # probability that the methods are equally good.
 #
-# In the village only 10 of the 924 ways give so large a gap, a p-value of 1 %. Yet the interval
-# above just contained 0. We made it too wide on purpose (2.2 standard errors would just have missed
-# 0), and the failed run of seed 2 makes $s$ large, whereas a permutation test assumes no normal
-# distribution. So there is probably a lead, but we hardly know how large it is.
+# In the village only 10 of the 924 ways give so large a gap, a p-value of 1 %. Yet the interval contained 0. We made it too wide on purpose (2.2 standard errors would just have missed 0),
+# and the failed run of seed 2 makes $s$ large, whereas a permutation test assumes no normal
+# distribution. So there is probably a lead, but we hardly know its size. Over Manhattan it
+# is the reverse: the interval is far from 0, with $p$ at 10 %, so all rests on the normal
+# distribution.
 #
 # If five parts of a recipe are taken away one by one, and none of them matters, at least one of the
 # five comparisons with the same full recipe still comes out below 5 % nearly one time in five. (If
@@ -305,7 +303,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # | Is it better in the end? | Open: every centred run ended with a higher return than the others, but the shares collected are level, and three runs of each kind cannot settle it |
 # | Is the paper's larger gap wrong? | These runs cannot say: it comes from another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
-# | Is it the centring alone? | Open: the other frame gives the position differently, as a single 1 |
+# | Is it the centring alone? | Open: the other frame gives the position differently, as a single 1, and has only rim in the strip that neither network reads (5.5) |
 #
 # ## Recap
 #

@@ -369,7 +369,7 @@ export const TOOLS = {
 };
 
 const CURVES = [["landed", "landed"], ["collected_and_landed", "collected and landed"]];
-const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";
+const CENTRED = "All layers are shifted so that the UAV is in the middle.";
 const MEANINGS = {
   "landing zone": "A layer that the network sees: where it may land.",
   "no-fly zone": "A layer: where it may not fly. Outside of the city, too.",
