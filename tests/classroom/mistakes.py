@@ -418,7 +418,7 @@ MISTAKES = {
         (OUT_AND_BACK, "last action must be `land`"),
         (
             [*OUT_AND_BACK, "land"],
-            r"12\.\d and 0.0 of 15.*no more than 3 may be left.*units of time: 5",
+            r"12\.\d and 0.0 of 15 units.*no more than 3 may be left.*units of time: 5",
         ),
         ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 8], "flying time ran out"),
         ([*OUT_AND_BACK, "land", "south"], "make `land` the last"),
@@ -446,9 +446,9 @@ MISTAKES = {
         (lambda b, d: b.copy(), "hides everything behind it"),
     ],
     "asymmetric_share": [
-        (lambda s: (s != s.T).mean(), r"not a pair with itself, \[i, j, i, j\]"),
-        (lambda s: 0.5, "sight\\), True everywhere, gives 0.5"),
-        (lambda s: s.mean(), "whether they are seen or blocked"),
+        (lambda s: (s != s.T).mean(), r"no pair with itself, \[i, j, i, j\]"),
+        (lambda s: 0.5, "sight\\), with True everywhere, gives 0.5"),
+        (lambda s: s.mean(), "whether both are clear or both blocked"),
     ],
     "tdma_slot": [
         (lambda snr, left: slot(snr, left, limit=lambda r, d: r), "no more than is left"),
@@ -459,7 +459,7 @@ MISTAKES = {
         (by_hand(0, 2, -1.2), "A, step 2.*a UAV that hovers uploads all the same"),
         (lambda: [x for flight in FLIGHTS for x in flight], "Return two lists"),
         (by_hand(0, 4, 2.3), "A, step 4.*no more than the device has left"),
-        (by_hand(0, 6, -0.2), "A, step 6.*lands does not pay"),
+        (by_hand(0, 6, -0.2), "A, step 6.*lands does not cost"),
         (by_hand(1, 3, -1.2), "B, step 3.*the crash"),
         (lambda: (FLIGHTS[0], [1.6]), "three of flight B"),
     ],
@@ -507,7 +507,7 @@ MISTAKES = {
         (table_learner(move=3), "20,000 steps has not ended"),
         (lambda *case: torch.zeros(4, 4, 4), "In a street"),
         (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
-        (learn_table, "the library's own, of uavdh_lite.course.small_city. Write it yourself"),
+        (learn_table, "the library's own, from uavdh_lite.course.small_city. Write it yourself"),
     ],
     "learned_network": [
         (
@@ -528,7 +528,7 @@ MISTAKES = {
         (trained("slopes"), r"`optimiser.zero_grad\(\)` is missing"),
         (trained("step"), "The weights do not change from update to update"),
         (lambda *case: torch.nn.Linear(2, 4), "y is the reward plus"),
-        (lambda *case: torch.nn.Linear(2, 3), r"not a tensor \(16, 4\)"),
+        (lambda *case: torch.nn.Linear(2, 3), r"not a tensor of shape \(16, 4\)"),
     ],
     "learned_calmly": [
         (network_learner(), "comes from the target network"),
@@ -537,12 +537,12 @@ MISTAKES = {
         (trained("clipped"), "comes from the target network. With τ = 0"),
         (trained("never"), r"Your target network did not change.*online one\.$"),
         (trained("fresh"), "does not begin as a copy of the online one"),
-        (trained("returned"), "is not the trained one: return the online"),
+        (trained("returned"), "is not the trained one: return `online`"),
         (trained("gradient"), "A gradient runs through y"),
         (trained("in place"), r"in-place operation, in line \d+, `old.lerp_"),
     ],
     "stable_policy": [
-        (softmax_policy, "the library's own, of uavdh_lite.ddqn. Write it yourself"),
+        (softmax_policy, "the library's own, from uavdh_lite.ddqn. Write it yourself"),
         (lambda q, beta: _shifted(q, beta, 0), "it overflows"),
         (lambda q, beta: _shifted(q, beta, q.amin(1, True)), "smaller than the maximum"),
         (lambda q, beta: _shifted(q, beta, q.amax(1, True), 0), "the sum of its own row"),
@@ -551,7 +551,7 @@ MISTAKES = {
     "double_target": [
         (
             checks.double_target.solution,
-            "the library's own, of uavdh_lite.course.checks.notebook_06",
+            "the library's own, from uavdh_lite.course.checks.notebook_06",
         ),
         (lambda r, t, d, online, target: r + d * online, "the shape|one target for each"),
         (
@@ -601,7 +601,7 @@ MISTAKES = {
     "defeat": [
         ("L .\n. .", "it must have 16"),
         (ROWS.strip().replace(" ", "\n"), "at most 16 may"),
-        ("L..", "no valid city"),
+        ("L..", "not a valid city"),
         ("...", "at least one sign must be L"),
     ],
     "ring_buffer": [
@@ -609,9 +609,9 @@ MISTAKES = {
         (Grows, "the ring does not grow"),
         (Stale, "all stored ones|overwrite the oldest"),
         (Shuffles, "overwrite the oldest"),
-        (Shared, "put into another ring: give each its own list"),
+        (Shared, "put into another ring: give each ring its own list"),
         (OneLess, r"ValueError: high <= 0, in line \d+, `.*`\. The (newest|other) item"),
-        (Replay, "of uavdh_lite.replay. Write it yourself"),
+        (Replay, "from uavdh_lite.replay. Write it yourself"),
         (LastPlaceNever, "upper end|all stored ones"),
         (OwnChance, "earlier calls|passed in"),
     ],
@@ -626,7 +626,7 @@ MISTAKES = {
     "data_of_a_step": [
         (lambda rate, left: 4 * rate.max(0), "until it has nothing left"),
         (served_in_any_order, "the loudest of those with data left"),
-        (only_the_loudest, "hands the next slots on"),
+        (only_the_loudest, "leaves the next slots to the others"),
     ],
     "view": [
         (lambda m, a, k, f: (np.rot90(m, k, (1, 2)), (a - k) % 4), "Hover and land|swaps left"),

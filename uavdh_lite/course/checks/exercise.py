@@ -20,7 +20,7 @@ EXERCISES: dict[str, "Exercise"] = {}
 """All exercises by the name of their check, in the order of the notebooks."""
 
 LIBRARY = tuple(str(place) for place in (Path(__file__).parents[2], sys.prefix, sys.base_prefix))
-KINDS = {Callable: "function, without brackets", type: "class", str: "text"}  # that are taken
+KINDS = {Callable: "function, without brackets", type: "class", str: "string"}  # that are taken
 MOST_LINES = 20  # of what an answer prints
 CHANGED = "changes what it is given. Work on a copy: `x = x + 1`, not `x += 1` or `x.sort()`."
 
@@ -100,7 +100,7 @@ class Exercise:
         home = str(getattr(answer, "__module__", ""))
         own = self.takes not in (Callable, type) or home.startswith("uavdh_lite.course.checks.")
         if home.startswith("uavdh_lite.") and (answer is self.solution or not own):
-            return f"That is the library's own, of {home}. Write it yourself."
+            return f"That is the library's own, from {home}. Write it yourself."
         try:
             with _settings_kept(), redirect_stdout(self.printed) if self.rules else nullcontext():
                 return self._wrong_case(answer) or self.also(answer)
@@ -163,7 +163,7 @@ class Exercise:
         if self._told(one, one) or not self._told(again, right):
             return ""
         said = f"{self._called(answer, case)} gives {show(one)}, and later {show(again)}."
-        return f"{said} A result may not depend on earlier calls or on other chance."
+        return f"{said} A result must not depend on earlier calls or on random numbers of your own."
 
     def _asked(self, answer, case: tuple, read_only: bool = False):
         """What an answer gives in a case, or the error that it raises; it must change nothing."""

@@ -62,7 +62,8 @@ class Watched(TorchFunctionMode):
         learned, judged = self.cells.pop(True, [None])[-1], self.cells.pop(False, [])
         if learned is not None and judged and all(torch.equal(learned, cells) for cells in judged):
             raise CheckFailed(
-                "y is made of the Q-values of the cell itself. It asks for those of the next one."
+                "y is computed from the Q-values of the cell itself. It needs those of the next "
+                "cell."
             )
         for q, slope in self.moved[:1]:  # of the last layer, whose slopes come first
             if (slope != 0).sum(1).max() > 1:

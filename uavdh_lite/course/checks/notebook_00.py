@@ -67,7 +67,7 @@ def wrong_pilots(answer: dict) -> str:
     if answer["B"] != "random":
         return "Random has no plan at all: its steps have no aim, and reach no device."
     if answer["C"] != "greedy":
-        return "Greedy always flies to the nearest device with data left. Which is it at the start?"
+        return "Greedy flies to the nearest device with data. Which device is that at the start?"
     return ""
 
 
@@ -101,16 +101,17 @@ def picture(actions: list[str]) -> Figure:
 def wrong_flight(actions: list[str]) -> str:
     for step, name in enumerate(actions, 1):
         if name not in ACTIONS:
-            return f"Step {step} is {name!r}. Give names, in small letters: {', '.join(ACTIONS)}."
+            said = f"Step {step} is {name!r}. Give the names of actions, in lower case: "
+            return f"{said}{', '.join(ACTIONS)}."
     flight = flown(actions)
     for step, (name, refused) in enumerate(zip(actions, flight.intervened, strict=False), 1):
         if refused:
             at = divmod(int(flight.uav_cell[step - 1]), 8)
-            said = f"The safety controller intervened at step {step}, {name!r} from {at}: that is "
+            said = f"The safety controller intervened at step {step}, {name!r} from {at}: that "
             if name == "land":
-                return f"{said}outside the landing zone, the blue cells."
-            said = f"{said}no-fly, a tall building or off the map, so every later step starts from "
-            return f"{said}the wrong cell."
+                return f"{said}is outside the landing zone, the blue cells."
+            said = f"{said}leads into a no-fly zone or a tall building, or off the map, so every "
+            return f"{said}later step starts from the wrong cell."
     if not flight.landed and len(actions) < FLYING_TIME:
         return "The list ends with the UAV in the air: its last action must be `land`."
     if not flight.landed:
@@ -119,8 +120,8 @@ def wrong_flight(actions: list[str]) -> str:
         return f"Landing at step {len(flight.action)} ends the flight: make `land` the last action."
     left = flight.data_left[-1, :2]
     if 1 - left.sum() / sum(DATA) < LEAST_SHARE:
-        said = f"It lands, but {left[0]:.1f} and {left[1]:.1f} of 15 units are left at the devices."
-        said += " At least 90 % of the 30 must be collected: no more than 3 may be left."
+        said = f"It lands, but the devices have {left[0]:.1f} and {left[1]:.1f} of 15 units left."
+        said += " At least 90 % of all 30 must be collected: no more than 3 may be left."
         return f"{said} Unused units of time: {FLYING_TIME - len(actions)}."
     return ""
 

@@ -45,17 +45,17 @@ LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
 @exercise(
     "1.2 · How much distance is a building worth? (2 points, 10 minutes)",
     rules={
-        "The loss 10 α log10(d) with α_LoS at your distance must be the one with α_NLoS at the "
+        "The loss 10 α log10(d) with α_LoS at your distance must equal the loss with α_NLoS at the "
         "distance given. Behind a building the loss grows faster, so the distance in sight is the "
         "longer one. Do not round the exponents' ratio.": [20.0, 2.0, 55, 7.5, 1000.0],
-        "Both losses are 0 dB at 1 m; nearer, the distance in sight is the shorter one.": [
+        "Both losses are 0 dB at 1 m; below 1 m, the distance in sight is the shorter one.": [
             1.0, 0.5, 0.03
         ],
     },
     mistakes={
         "As a ratio, the loss is d ** α, so the ratio of the exponents belongs in the exponent, "
         "not in front.": lambda d: d * NLOS / LOS,
-        "You add the altitude of 10 m, but d is the length of the whole link already.": (
+        "You add the altitude of 10 m, but d is already the length of the whole link.": (
             lambda d: np.hypot(d, 10) ** (NLOS / LOS)
         ),
     },
@@ -93,29 +93,30 @@ def scatters_wrongly(answer) -> str:
         few = [answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in range(1000)]
         used = (exact(12.0, 2.0)[1] / (np.std(few) + 1e-12)) ** 2
         if not draws / 1.6 < used < 1.6 * draws:
-            said = f"mean_rate(12, 2, {draws}, generator) has the right mean, but scatters like "
-            return f"{said}{show(used)} draws: simulate `draws` slots, each with its own fading."
+            said = f"mean_rate(12, 2, {draws}, generator) is right on average, but scatters like a "
+            return f"{said}mean of {show(used)}: simulate `draws` slots, each with its own fading."
     return ""
 
 
 @exercise(
     "1.3 · What fading does to the mean rate (2 points, 10 minutes)",
     rules={
-        "With a variance of 0 there is no fading: all rates are the one at the mean SNR, and so is "
-        "their mean.": [(3.0, 0.0, 5), (-11, 0, 1)],
+        "With a variance of 0 there is no fading: all rates equal the rate at the mean SNR, and so "
+        "does their mean.": [(3.0, 0.0, 5), (-11, 0, 1)],
         "Simulate `draws` slots, each with a fading of its own: normal, mean 0, standard deviation "
-        "√variance. It belongs to the SNR, in dB. Turn each SNR into a rate, then average the "
-        "rates. Chance accounts for at most 1.5 %.": [
+        "√variance. Add it to the SNR, in dB. Turn each SNR into a rate, then average the "
+        "rates. Chance explains a deviation of at most 1.5 %.": [
             (-8, 30, MANY), (0.0, 5, MANY), (12, 2.0, MANY), (-20, 9.0, MANY), (0.0, 60.0, MANY),
         ],
     },
     mistakes={
-        "The fading is far too strong: generator.normal expects the root of the variance.": (
+        "The fading is far too strong: generator.normal expects the standard deviation, the square "
+        "root of the variance.": (
             lambda snr_db, variance, *_: exact(snr_db, variance**2)[0]
         ),
         "On average that is the rate at the mean SNR, which is also the median rate. Either the "
         "fading is not added, or the SNRs are averaged before they become rates, or you take the "
-        "median. Add a fading to the SNR in each slot, turn each SNR into a rate, then average the "
+        "median. Add fading to the SNR in each slot, turn each SNR into a rate, then average the "
         "rates.": lambda snr_db, *_: library_rate(snr_db),
     },
     figure=draw_mean_rate,

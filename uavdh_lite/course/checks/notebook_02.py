@@ -28,16 +28,16 @@ APART = [case for case in DRAWN if case not in TOUCHING]
 @exercise(
     "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
     rules={
-        "The segment begins and ends in the middle of a cell, so it crosses both of these. There "
+        "The segment begins and ends in the middle of a cell, so it crosses both cells. For them "
         "R·c − C·r is 0, which is less than (|R| + |C|) / 2.": [
             ((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)),
         ],
-        "If both ends are the same point, it crosses that cell and no other. There R and C are 0, "
+        "If both ends are the same point, only that cell is crossed. Then R and C are 0, "
         "so nothing is less than (|R| + |C|) / 2: treat this case by itself.": [
             ((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7)),
         ],
         "Along a row or a column the segment runs through the middle of each cell between its "
-        "ends, and through no other. Compare products, then no slope is needed.": [
+        "ends, and through no other. Compare products, so that no slope is needed.": [
             ((3, 2), (3, 7), (3, 5)), ((3, 2), (3, 7), (4, 5)), ((6, 4), (1, 4), (3, 5)),
         ],
         "A cell that is on the line beyond an end of the segment is not crossed: only cells in the "
@@ -49,14 +49,14 @@ APART = [case for case in DRAWN if case not in TOUCHING]
         "side of it: |R·c − C·r| less than (|R| + |C|) / 2. No other distance will do.": [
             case for case in APART if case[0][0] <= case[1][0] and case[0][1] <= case[1][1]
         ],
-        "A ray may go up or left: R and C are then negative, and so may R·c − C·r be. Comparisons "
+        "A ray may go up or left: R or C is then negative, and R·c − C·r may be, too. Comparisons "
         "and sums must take care of the signs; |R + C| is not |R| + |C|.": APART,
         "A segment that only touches a cell at a corner does not cross its open interior. Compare "
         "with <, not <=, and in whole numbers: rounded ones cannot tell touching from crossing.": [
             ((1, 1), (4, 4), (1, 2)), ((0, 0), (7, 21), (3, 8)), *TOUCHING,
         ],
         "A segment may cut off a tiny corner of a cell, or miss the cell by a hair. Points sampled "
-        "along the ray step over it: compare whole numbers.": [
+        "along the ray miss such a corner: compare whole numbers.": [
             ((0, 0), (m, m + 1), cell) for m in (9, 100, 10**6) for cell in ((0, 1), (1, 0))
         ],
     },
@@ -96,7 +96,7 @@ def blocked(buildings, device, cell):
             (1, (0, 0)), (2, (1, 0)), (5, (2, 2)),
         ],
         "A building that the ray crosses hides everything behind it, and a UAV over a building is "
-        "hidden, too: True is where the link is blocked.": [
+        "hidden, too: the map is True where the link is blocked.": [
             (3, (2, 1), (1, 0), (1, 1), (1, 2)), (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
         ],
         "A ray through the corner that two diagonal buildings share is blocked. One that only "
@@ -138,6 +138,12 @@ def count_asymmetric(sight):
     return float(np.triu(pairs != pairs.T).sum())
 
 
+def called_table(sight):
+    blocked = np.argwhere(~sight).tolist()
+    where = f"False at {blocked[:2]}{' and elsewhere' * (len(blocked) > 2)}"
+    return f"asymmetric_share(sight), with {where if blocked else 'True everywhere'},"
+
+
 BUILDINGS = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
 RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
 
@@ -145,17 +151,18 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
 @exercise(
     "2.3 · How asymmetric is a table? (2 points, 10 minutes)",
     rules={
-        "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
-        "A cell is not a pair with itself, [i, j, i, j]. .T reverses all 4 axes: reshape first.": [
+        "If both directions of every pair agree, the share is 0, whether both are clear or both "
+        "blocked. A cell forms no pair with itself, [i, j, i, j]. Note that .T reverses all 4 "
+        "axes: reshape first.": [
             2, 3, (2, (0, 1, 1, 0), (1, 0, 0, 1)), (2, (0, 1, 0, 1)), line_of_sight(BUILDINGS),
         ],
-        "There are n (n − 1) / 2 unordered pairs of different cells, n = M². A pair is asymmetric "
-        "if exactly one of its two directions is blocked. Divide the number of these by the number "
-        "of all pairs.": [
+        "There are n (n − 1) / 2 unordered pairs of different cells, with n = M². A pair is "
+        "asymmetric if exactly one of its two directions is blocked. Divide the number of these by "
+        "the number of all pairs.": [
             (2, (0, 1, 1, 0)), (2, (1, 0, 0, 1)), (3, (2, 1, 0, 2)),
             (3, (0, 0, 0, 2), (2, 2, 0, 0)), (2, (0, 0, 0, 0), (0, 0, 1, 0)),
         ],
-        "It must work for any table; in a large one 16 bits cannot count the asymmetric pairs.": [
+        "It must work for any table; in a large one, 16 bits cannot count the asymmetric pairs.": [
             RANDOM[2] < 0.5, RANDOM[2] < 0.9, RANDOM[4] < 0.5, RANDOM[4] < 0.9, RANDOM[24] < 0.5,
             bresenham_fans(BUILDINGS),
         ],
@@ -167,10 +174,7 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
         "and at [j, i].": lambda sight: 2 * asymmetric_share.solution(sight),
     },
     case=table,
-    call=lambda sight: (
-        "asymmetric_share(sight), "
-        + ("True everywhere," if sight.all() else f"False at {np.argwhere(~sight).tolist()[:2]},")
-    ),
+    call=called_table,
 )
 def asymmetric_share(sight):
     """`asymmetric_share(sight)`: share of unordered pairs of cells that depend on direction."""

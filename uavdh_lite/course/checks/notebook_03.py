@@ -11,7 +11,7 @@ from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
 @exercise(
     "3.1 · Who gets the slot? (1 point, 10 minutes)",
     rules={
-        "If no device has data left, nobody may send: −1 and 0.": [
+        "If no device has data left, nobody may send: return −1 and 0.": [
             ([3.0, 8.0], [0.0, 0.0]), ([-70.0], [0]),
         ],
         "First comes the device's number, then what it uploads: what the slot carries, "
@@ -29,12 +29,13 @@ from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
             ([9.0, 3.0, 6.0, -2.5, 8.5], [0.0, 0.0, 2.0, 3.0, 0.0]),
             ([-6.0, -11.0], [0.0, 8.0]), ([5.0, -140.0], [0.0, 1.0]),
         ],
-        "A device has data left if it is more than 0, however little.": [
+        "A device has data left if its amount is more than 0, however small.": [
             ([8.0, 3.0], [1e-7, 9.0]), ([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]),
         ],
     },
     mistakes={
-        "0 dB is not low enough: others may be below it. An empty device must get −infinity.": (
+        "0 dB is not low enough for an empty device: the SNRs of the others may be lower. Give it "
+        "−infinity.": (
             lambda snr_db, left: tdma_slot.solution(snr_db, left, empty=0)
         ),
     },
@@ -59,17 +60,19 @@ def step_of(answer, flight, step):
 @exercise(
     "3.2 · Rewards by hand (2 points, 10 minutes)",
     rules={
-        "Each data unit that is uploaded counts 1, and each step costs 0.2 unless it lands.": [
+        "Each data unit that is uploaded counts 1, and each step in which the UAV does not land "
+        "costs 0.2.": [
             ("A", 1), ("A", 3), ("A", 5), ("B", 1),
         ],
-        "The controller replaced the action by hovering. Its penalty of 1 comes on top of the 0.2, "
-        "and a UAV that hovers uploads all the same.": [
+        "The controller replaced the action with hovering. Its penalty of 1 comes on top of the "
+        "0.2, and a UAV that hovers uploads all the same.": [
             ("A", 2), ("B", 2),
         ],
         "A step uploads no more than the device has left: keep track of that.": [("A", 4)],
-        "The step that lands does not pay for the movement, and uploads nothing.": [("A", 6)],
-        "The step that ends a flight uploads nothing. The time has run out in the air: the crash "
-        "is added to the penalty of the controller and to the 0.2.": [("B", 3)],
+        "The step in which the UAV lands does not cost the 0.2, and nothing is uploaded in "
+        "it.": [("A", 6)],
+        "Nothing is uploaded in the step that ends a flight. The time has run out in the air: the "
+        "penalty for the crash is added to that of the controller and to the 0.2.": [("B", 3)],
     },
     mistakes={
         "These are the sums of the rewards so far. Give the reward of each step alone.": (
@@ -99,14 +102,15 @@ SENTENCES = {
     "the way there, so the controller does not intervene.",
     "low": "The building in the target cell is low and may be flown over: only city.no_fly says "
     "where the UAV may not go; city.buildings is about the radio link.",
-    "closed": "The target is a no-fly zone or a tall building, one that is in city.no_fly[row, "
-    "col]: the UAV hovers instead, in its cell, and the controller intervenes.",
-    "outside": "That leaves the grid: the UAV hovers instead, in its cell, and the controller "
-    "intervenes. In numpy, index −1 means the last row or column, so no error warns you.",
+    "closed": "The target is a no-fly zone or a tall building, so city.no_fly[row, col] is True: "
+    "the UAV stays in its cell and hovers instead, and the controller intervenes.",
+    "outside": "That leaves the grid: the UAV stays in its cell and hovers instead, and the "
+    "controller intervenes. In numpy, index −1 means the last row or column, so no error warns "
+    "you.",
     "hover": "Hovering stays in the cell and is always allowed: the controller does not intervene.",
     "zone": "A UAV that lands stays in its cell; in the zone the controller does not intervene.",
-    "elsewhere": "That cell is not in the landing zone, city.landing[row, col]: the UAV hovers "
-    "instead, in its cell, and the controller intervenes.",
+    "elsewhere": "That cell is not in the landing zone, city.landing[row, col]: the UAV stays in "
+    "its cell and hovers instead, and the controller intervenes.",
 }
 
 

@@ -13,17 +13,18 @@ FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in 
 @exercise(
     "4.1 · Centre a layer (2 points, 12 minutes)",
     rules={
-        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1).": [
+        "The map has (2M − 1)×(2M − 1) cells, with the UAV's in the middle, at (M − 1, M − 1).": [
             (SMALL, (1, 1), 0.0), (SMALL, (0, 2), 0.0), (SMALL, (2, 0), 0.0),
             (SMALL, (2, 1), 0.0), (SMALL, (0, 1), 0.0),
             (SQUARES[4], (1, 3), 0), (SQUARES[5], (4, 2), 0),
             (SQUARES[8], (0, 6), 0), (SQUARES[9], (7, 5), 0),
         ],
-        "Everywhere outside the city the map is `outside`, any number; zeros of the layer stay.": [
+        "Outside the city the map is `outside`, which may be any number; zeros of the layer "
+        "stay.": [
             (SMALL, (1, 0), 1), (SMALL, (1, 0), 7.0), (CORNER, (1, 0), 4.0),
         ],
-        "Make a map of floats, np.full(shape, outside, float), or layer.astype(float) first: the "
-        "layer or `outside` may be a fraction, and the other a whole number or a Boolean.": [
+        "Make a map of floats, np.full(shape, outside, float), or take layer.astype(float): either "
+        "the layer or `outside` may have fractions while the other has none.": [
             (FRACTIONS[2], (1, 0), 2), (FRACTIONS[6], (1, 4), 6), (SQUARES[2], (0, 1), 0.5),
             (SQUARES[5], (4, 1), 2), (FRACTIONS[2] < 4, (1, 0), 0.5),
             (FRACTIONS[3] < 4, (2, 0), 3),
@@ -60,16 +61,16 @@ def scattered(size, uav, count):
 @exercise(
     "4.2 · The devices on the map (2 points, 12 minutes)",
     rules={
-        "The map has (2M − 1)×(2M − 1) cells. A device lies as far from its middle, at (M − 1, "
-        "M − 1), as its cell lies from the UAV's, and its data stands there; all else is 0.": [
+        "The map has (2M − 1)×(2M − 1) cells. On it, a device is as far from the middle, (M − 1, "
+        "M − 1), as its cell is from the UAV's, and its data stands there; all else is 0.": [
             (3, (1, 1), 1), (3, (0, 2), 2), (4, (3, 1), 2), (8, (0, 6), 5), (2, (1, 0), 1),
         ],
-        "Any number of devices fits, even none, and so does a device right below the UAV.": [
+        "There may be any number of devices, even none, and one may be right below the UAV.": [
             (3, (2, 0), 0), (3, (1, 2), 9), (1, (0, 0), 1), (16, (15, 0), 40),
         ],
     },
     mistakes={
-        "The map shows the city's own cells: shift them, so that the UAV is in the middle.": (
+        "Your map shows the city's own cells: shift them so that the UAV is in the middle.": (
             lambda size, uav, devices, data: data_layer.solution(
                 size, (size - 1, size - 1), devices, data
             )

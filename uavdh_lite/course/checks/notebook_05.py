@@ -16,10 +16,10 @@ def examples(count, rate, steps):
 @exercise(
     "5.1 · A neuron that learns (3 points, 15 minutes)",
     rules={
-        "Both begin at 0, and without a step they stay there.": [(3, 0.1, 0)],
+        "w and b begin at 0, and without a step they stay there.": [(3, 0.1, 0)],
         "The slope of the loss is the mean over all examples of 2 · error · x for w, and of "
-        "2 · error for b, with error = w·x + b − y. Compute both slopes first; then each goes the "
-        "rate times its slope *down*.": [
+        "2 · error for b, with error = w·x + b − y. Compute both slopes first; then move w and b "
+        "*down*, each by the rate times its slope.": [
             (1, 0.1, 1), (2, 0.1, 1), (5, 0.05, 1), (4, 0.2, 1),
         ],
         "Every step begins where the last one ended, and moves w and b at the same time, with the "
@@ -34,7 +34,7 @@ def examples(count, rate, steps):
         "Take the mean over the examples, not the sum.": (
             lambda x, y, rate, steps: fitted_line.solution(x, y, rate * len(x), steps)
         ),
-        "The 2 of the square's derivative is missing.": (
+        "The 2 from the derivative of the square is missing.": (
             lambda x, y, rate, steps: fitted_line.solution(x, y, rate / 2, steps)
         ),
     },
@@ -64,7 +64,8 @@ def drawn(rows, cols, height, width, bias=0.0):
     "5.2 · A kernel moves over a map (2 points, 12 minutes)",
     rules={
         "The window at (i, j) is as large as the kernel. The value is the sum of window times "
-        "kernel, cell by cell. The kernel lies wholly inside, so rows − k + 1 places fit.": [
+        "kernel, cell by cell. The kernel must lie wholly inside, so there are rows − k + 1 places "
+        "for it from top to bottom.": [
             (np.ones((2, 2)), np.ones((1, 1)), 0.0), (np.ones((3, 3)), np.ones((2, 2)), 0.0),
             (np.arange(9.0).reshape(3, 3), np.full((2, 2), 3.0), 0.0),
             (np.arange(16.0).reshape(4, 4), np.array([[1.0, 1, 1], [1, 5, 1], [1, 1, 1]]), 0.0),
@@ -73,14 +74,14 @@ def drawn(rows, cols, height, width, bias=0.0):
             (np.arange(9.0).reshape(3, 3), np.array(kernel), 0.0)
             for kernel in ([[0.0, 1.0], [2.0, 0.0]], [[0.0, 0.0], [1.0, 3.0]])
         ],
-        "The bias is added once at every place, then ReLU: what is below 0 becomes 0.": [
+        "The bias is added once at every place, and then comes ReLU: what is below 0 becomes 0.": [
             (np.ones((3, 3)), np.ones((2, 2)), 1.5), (np.ones((2, 2)), np.ones((1, 1)), -2.0),
             (-np.ones((2, 2)), np.ones((1, 1)), 1.5), drawn(5, 5, 3, 3, 0.4),
         ],
         "Layer and kernel need not be square.": [
             drawn(3, 6, 2, 2, 0.3), drawn(6, 4, 2, 3, 0.9), drawn(4, 7, 4, 1, -0.2),
         ],
-        "The map is one of floats, np.zeros(shape), even if the layer holds whole numbers.": [
+        "The result is a map of floats, np.zeros(shape), even if the layer holds whole numbers.": [
             (np.array([[1, 2], [3, 4]]), np.array([[0.5]]), 0),
         ],
     },
@@ -105,16 +106,16 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
 @exercise(
     "5.3 · How many weights? (3 points, 15 minutes)",
     rules={
-        "The map has 2M − 1 cells a side; without padding, side − kernel_size + 1 places fit. A "
-        "kernel has a weight for each cell of its square and each layer that it sees, a neuron one "
-        "for each number that it is given. Each kernel and each neuron, the output's 6 too, has a "
-        "bias of its own. The first fully connected layer reads kernels · side² numbers, and the "
-        "flying time.": [
+        "The map has 2M − 1 cells on a side; without padding, a kernel fits in side − kernel_size "
+        "+ 1 places along it. A kernel has a weight for each cell of its square in each layer that "
+        "it sees, and a neuron has one for each number that it is given. Each kernel and each "
+        "neuron, including the 6 of the output, has a bias of its own. The first fully connected "
+        "layer reads kernels · side² numbers, and the flying time.": [
             (2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,)),
             (4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,)),
         ],
-        "(side − kernel_size) // stride + 1 cells a side are left: kernels lie wholly inside. "
-        "Divide side − kernel_size by the stride and round down, and add the 1 after that.": [
+        "(side − kernel_size) // stride + 1 cells on a side are left: kernels lie wholly inside. "
+        "Divide side − kernel_size by the stride and round down; only then add the 1.": [
             (2, 3, 4, 2, (2,), (6,)), (2, 3, 4, 2, (3,), (6,)), (2, 3, 4, 2, (4,), (6,)),
             (3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,)),
         ],
@@ -126,7 +127,7 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
         + [(4, 16, 9, 3, s, h) for s in ((1,), (2, 1), (1, 2, 2)) for h in HIDDEN],
     },
     mistakes={
-        "The flying time is missing: it is one more number in the list.": (
+        "The flying time is missing: the first fully connected layer reads it, too.": (
             lambda *case: network_weights.solution(*case, time=0)
         ),
         "The map has 2M − 1 cells a side, not M.": (

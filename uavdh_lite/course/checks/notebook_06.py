@@ -35,7 +35,7 @@ def table_values(
     def step(cell, action):
         nonlocal place, steps
         if place == tuple(cell) != start:
-            raise CheckFailed(f"The flight had ended at {place}, and you fly on: ask `ended`.")
+            raise CheckFailed(f"The flight had ended at {place}, but you flew on: check `ended`.")
         after, reward, ended = city(cell, action)
         place, steps = (after, 0) if ended else (None, steps + 1)
         if steps > LONGEST:
@@ -62,19 +62,19 @@ EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it doe
 @exercise(
     "6.1 · A table that learns (3 points, 25 minutes)",
     rules={
-        "In a street where every action leads east, one flight teaches the last cell alone: its "
-        "entry goes the share α of the way to y = 10, all others stay 0. Learn in each step.": [
+        "In a street where every action leads east, only the last cell learns in one flight: its "
+        "entry goes the share α of the way to y = 10, and all others stay 0. Learn in each step.": [
             (1, 0.95, 1.0, *EASTWARD), (1, 0.95, 0.25, *EASTWARD), (1, 0.5, 0.5, *EASTWARD),
         ],
-        "y is the reward plus γ times the largest Q-value of the next cell. The start becomes "
-        "worth 6.7 with γ = 0.95.": [(200, 0.95, 0.5), (200, 0.95, 1.0), (200, 1.0, 0.5)],
-        "With another γ, or a device elsewhere, or another price of a step, other values come "
-        "out. A step may also pay: `ended` says that an episode ends, and not the reward.": [
+        "y is the reward plus γ times the largest Q-value of the next cell. With γ = 0.95, "
+        "the start is worth 6.7 in the end.": [(200, 0.95, 0.5), (200, 0.95, 1.0), (200, 1.0, 0.5)],
+        "With another γ, a device elsewhere or another price of a step, the values are different. "
+        "A step may also pay: it is `ended` that says that an episode ends, not the reward.": [
             (200, 0.5, 0.5), (200, 0.9, 0.5, (1, 1), 0.5), (200, 0.0, 0.8, (2, 3), 1.0),
             (200, 0.5, 0.5, (0, 3), -0.5),
         ],
-        "A flight goes from (3, 0) to (3, 1), back, to (3, 1) again, and ends; the steps earn 1, "
-        "2, 4 and 8. Each step learns from the table as it is by then.": [
+        "A flight goes from (3, 0) to (3, 1), back, to (3, 1) again and on to (3, 2), where it "
+        "ends; the steps earn 1, 2, 4 and 8. Each step learns from the table as it is by then.": [
             (1, 0.5, 1.0, (3, 2), -1.0, None),
         ],
         "If the episode ended with this step, y is the reward alone. That matters where flights "
@@ -111,9 +111,11 @@ def network_values(learn, seed, *case):
     module = isinstance(network, torch.nn.Module)
     q = network(CELLS.to(next(network.parameters(), CELLS).dtype) if module else CELLS)
     if np.shape(q) != (16, 4):
-        raise CheckFailed(f"For 16 cells your network gives {show(q)}, not a tensor (16, 4).")
+        raise CheckFailed(
+            f"For 16 cells your network gives {show(q)}, not a tensor of shape (16, 4)."
+        )
     if module and not watched.trained(network):
-        raise CheckFailed("The network that you return is not the trained one: return the online.")
+        raise CheckFailed("The network that you return is not the trained one: return `online`.")
     largest = q.detach().amax(1).reshape(4, 4).float()
     largest[largest > EXPLODED] = np.inf
     largest[device] = np.nan
@@ -153,10 +155,11 @@ def draw_explosion(ax, solution):
     figure=draw_explosion,
     rules={
         "y is the reward plus γ times the largest Q-value of the next cell; after the end nothing "
-        "follows, and y is the reward alone. The Q-value of the action that was taken learns it.": [
+        "follows, and y is the reward alone. Only the Q-value of the action that was taken moves "
+        "towards y.": [
             (0, 0.5, (0, 3), 0.2),
         ],
-        "With another γ, or a device elsewhere, other values come out. Steps may pay, too: only "
+        "With another γ or a device elsewhere, the values are different. Steps may pay, too: only "
         "`ended` says that nothing follows.": [(1, 0.7, (0, 0), -1.0)],
     },
     ask=network_values,
@@ -187,10 +190,10 @@ def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed
             said = f"{asked(capacity, added, size)} returns"
             if len(sample) != size:
                 said = f"{said} a list of length {len(sample)}, expected {size}. An item may come "
-                raise CheckFailed(f"{said}more than once: draw size − 1 places, add the newest.")
+                raise CheckFailed(f"{said}more than once: draw size − 1 places and add the newest.")
             if any(others is strange[0] for others in elsewhere):
                 said = f"{said} an item that was put into another ring"
-                raise CheckFailed(f"{said}: give each its own list, in `__init__`.")
+                raise CheckFailed(f"{said}: give each ring its own list, in `__init__`.")
             said = f"{said} {show(strange[0])}, which was never added. Return the very tuples"
             raise CheckFailed(f"{said} that were added, not copies or parts of them.")
     return [[numbers[id(item)] for item in sample] for sample in samples]
@@ -212,36 +215,37 @@ def wrong_chance(ring: type) -> str:
     """Besides one newest item all are equally likely; a right answer fails once in 1e7."""
     one, again, other = (draws(ring, 8, 8, 60, seed=seed) for seed in (1, 1, 2))
     if one != again or one == other:
-        return "All chance must come from the generator that is passed in."
+        return "All random numbers must come from the generator that is passed in."
     for capacity, added, limit in ((8, 3, 37.0), (8, 27, 52.0), (8, 8, 52.0)):
         drawn, stored = np.array(draws(ring, capacity, added, 9, 600)), min(capacity, added)
         counts = np.bincount(drawn.ravel())[-stored:] - 600 * (np.arange(stored) == stored - 1)
         if not (drawn == added).any(1).all():
-            return "A sample of 1 is the newest item, but larger samples do not always have it."
+            return "A sample of 1 is the newest item, but larger samples do not always contain it."
         if ((counts - counts.mean()) ** 2).sum() / counts.mean() > limit:
-            said = f"After {added} items, besides the newest, the oldest to the newest are drawn "
-            return f"{said}{counts.tolist()} times: each must be equally likely."
+            said = f"After {added} items, the random places hold those stored, oldest first, "
+            return f"{said}{counts.tolist()} times: all must be equally likely."
         different = [len(set(sample)) for sample in draws(ring, capacity, added, 3, 1800)]
         right = 1 + (stored - 1) * (1 - (1 - 1 / stored) ** 2)
         if abs(np.mean(different) - right) > 6 * np.std(different) / 1800**0.5 + 1e-9:
-            return "Draw every place by itself: generator.integers(0, number stored, size − 1)."
+            return "Draw every place independently: generator.integers(0, number stored, size − 1)."
     return ""
 
 
 @exercise(
     "6.3 · A replay memory (3 points, 20 minutes)",
     rules={
-        "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
+        "The newest item is in every sample, so a sample of 1 is the newest item alone.": [
             (5, added, 1) for added in range(1, 5)
         ],
-        "When the ring is full, each new item still goes in, in the place of the oldest. So the "
-        "newest is no longer at the end: it is one place before that to be overwritten next.": [
+        "When the ring is full, each new item still goes in and takes the place of the oldest. So "
+        "the newest is no longer at the end: it is one place before the one to be overwritten "
+        "next.": [
             (size, added, 1) for size, most in ((5, 17), (1, 4)) for added in range(size, most)
         ],
         "The other items of a sample are drawn from all stored ones, only from places that are "
         "filled, and may come more than once.": [(5, added, 300) for added in range(1, 6)],
         "When the ring is full, each new item must overwrite the oldest, and no other: the ring "
-        "does not grow. generator.integers leaves out its upper end already.": [
+        "does not grow. generator.integers already leaves out its upper end.": [
             (1, 3, 60), (3, 8, 200), (7, 22, 420)
         ]
         + [(5, added, 300) for added in range(6, 17)],
@@ -308,7 +312,7 @@ def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
             (1, 1.0, 0), (2, 1.0, 0), (8, 1.0, 0), (3, 1, 0, 5.0, np.float64),
             (4, 1.0, 0, -50.0), (2, 1.0, 0, 1.0, np.float32, 1e-4),
         ],
-        "The value of the next state is multiplied by γ, the one that is handed in; the reward "
+        "The value of the next state is multiplied by the γ that is handed in; the reward "
         "counts in full.": [(2, 0.5, 0), (2, 0.99, 0), (2, 0.0, 0), (2, 1, 0)],
         "At a terminal transition the target is the reward alone. Elsewhere the next state "
         "counts.": [
@@ -322,8 +326,8 @@ def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
         "with its bias. The online network must choose the action.": (
             lambda r, t, d, online, target: r + d * target.amax(1) * ~t
         ),
-        "The networks are swapped: the online network chooses the action (argmax), the target "
-        "network says what it is worth.": (
+        "The networks are swapped: the online network must choose the action (argmax), and the "
+        "target network must say what it is worth.": (
             lambda r, t, d, online, target: r + d * value(target, online) * ~t
         ),
     },
@@ -366,15 +370,15 @@ NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
         "keepdim=True makes a column of the sums.": [
             few(1, 1.0), few(2, 1.0), few(5, 1, torch.float64), few(6, 1),
         ],
-        "Divide Q by β inside of exp: a small β makes the best action likelier, a large one all "
-        "alike.": [few(1, 0.25), few(2, 2.0), few(6, 0.7), few(3, 40.0)],
+        "Divide Q by β inside exp: a small β makes the best action likelier, and a large one makes "
+        "all about equally likely.": [few(1, 0.25), few(2, 2.0), few(6, 0.7), few(3, 40.0)],
         "No exponent may be above 0, since exp(1000 / 0.1) is infinite: it overflows, and infinity "
         "over infinity is nan. Subtract the state's largest Q-value first; that changes no "
         "probability.": [rows(0.125, NEAR), rows(0.125, NEAR[::-1])],
         "All Q-values of a state may be far below 0. Then every exp(Q/β) is 0, and 0/0 is nan. "
         "Subtract the maximum first.": [rows(0.125, -NEAR), rows(0.1, [-1000.0] * 6)],
         "Within a row the best action may be far above the others, whichever it is: subtract the "
-        "maximum of the row, nothing smaller than the maximum.": [
+        "maximum of the row, and nothing smaller than the maximum.": [
             rows(0.1, [0.0, 0, 0, 1000, 0, 0]), rows(0.1, [1000.0, 0, 0, 0, 0, 0]),
             rows(0.5, [0.0, -1000, 1000, 0, 1000, 0]),
         ],
@@ -383,7 +387,9 @@ NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
         ],
     },
     mistakes={
-        "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
+        "These are the logarithms of the probabilities.": (
+            lambda q, beta: torch.log_softmax(q / beta, 1)
+        ),
     },
     tolerance=1e-3,  # float32 at −10,000
     smallest=1e-7,

@@ -107,11 +107,11 @@ RUNS = {
 NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in (0.9, 0.8, 0.25)]
 AGENTS = [*RUNS.values(), *itertools.product(*NEAR)]
 SENTENCES = {
-    "wanders": "It uses 25 % of its time or more and 90 % or more land, so it is neither lazy "
-    "nor crashing: if it collects less than 80 %, 0.8, it wanders.",
-    "good": "It uses 25 % of its time or more and 90 % or more land: if it collects at least 80 %, "
-    "it is good.",
-    "crashes": "It uses 25 % of its time or more, so it is not lazy: if fewer than 90 % of its "
+    "wanders": "It uses at least 25 % of its time, and at least 90 % of its missions land, so it "
+    "is neither lazy nor crashing: if it collects less than 80 %, 0.8, it wanders.",
+    "good": "It uses at least 25 % of its time, and at least 90 % of its missions land: if it "
+    "collects at least 80 %, it is good.",
+    "crashes": "It uses at least 25 % of its time, so it is not lazy: if fewer than 90 % of its "
     "missions land, it crashes, whatever it collects.",
     "lazy": "If it uses less than 25 % of the flying time, it is lazy, whatever else it does.",
 }
@@ -130,7 +130,7 @@ def judged(landed, collected, used):
         for name, sentence in SENTENCES.items()
     },
     mistakes={
-        "Exactly 90 % landed is enough: *fewer* is a crash.": (
+        "Exactly 90 % landed is enough: only with *fewer* does it crash.": (
             lambda landed, collected, used: judged(landed - 1e-9, collected, used)
         ),
         "Exactly 25 % of the time is not lazy: *less* than 25 % is.": (
@@ -155,20 +155,23 @@ def stored(length, ends, n, discount):
 @exercise(
     "7.3 · The n-step return (2 points, 15 minutes)",
     rules={
-        "With n = 1 it is rewards[0] plus γ times values[1], the value of the next state.": [
+        "With n = 1 the target is rewards[0] plus γ times values[1], the value of the next "
+        "state.": [
             (3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0),
         ],
-        "Reward k is multiplied by γ^k. After m rewards γ^m values[m] comes, of state m.": [
+        "Reward k is multiplied by γ^k. After m rewards comes γ^m values[m], with the value of "
+        "state m.": [
             (3, (), 2, 0.5), (3, (), 2, 1), (6, (), 2, 0.9), (6, (), 3, 0.8), (6, (), 5, 0.3),
         ],
-        "A terminal step among the m ends the sum with its own reward, and no value is added.": [
+        "A terminal step among the first m ends the sum with its own reward, and no value is "
+        "added.": [
             (6, (2, 4), 3, 0.8), (6, (2, 4), 4, 0.95), (6, (2, 4), 5, 1.0),
             (5, (0,), 1, 0.7), (5, (0,), 3, 0.95), (4, (0, 1, 2, 3), 2, 0.6),
         ],
         "A terminal step after the first m belongs to the future: the value of state m counts.": [
             (6, (2, 4), 1, 0.8), (6, (2, 4), 2, 0.8), (6, (5,), 4, 0.9), (6, (5,), 5, 0.9),
         ],
-        "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
+        "Where fewer than n steps are stored, m = T: sum their rewards, then add γ^T values[T].": [
             (6, (), 7, 0.9), (1, (), 3, 0.4), (3, (), 3, 0.5), (3, (), 1000, 0.5),
         ],
         "Where fewer than n steps are stored, a terminal step still ends the sum.": [
@@ -210,9 +213,9 @@ def wrong_recipe(recipe: Recipe) -> str:
     if fixed := sorted(changed - {*MAY_CHANGE, "name"}):
         return f"{fixed[0]} must stay {getattr(LAZY, fixed[0])}: start from replace(lazy, …)."
     if recipe.steps > MOST_STEPS:
-        return f"{recipe.steps:,} steps: at most {MOST_STEPS:,} may be."
+        return f"{recipe.steps:,} steps: at most {MOST_STEPS:,} are allowed."
     if recipe.crash_reward_end > LEAST_PENALTY or recipe.crash_reward > 0:
-        return f"A crash must cost {-LEAST_PENALTY:g} at the end, and never be rewarded."
+        return f"A crash must cost at least {-LEAST_PENALTY:g} at the end, and never be rewarded."
     if not changed - {"name"}:
         return "That is the lazy recipe, unchanged: its agent lands at once and collects nothing."
     print(f"Training for {recipe.steps:,} steps, about half a minute …", flush=True)
@@ -224,12 +227,12 @@ def wrong_recipe(recipe: Recipe) -> str:
     print(said)
     if means["collected_and_landed"] >= LEAST_SCORE:
         return ""
-    why = "Let it explore more at first, use all the steps, and let the price grow in time."
+    why = "Let it explore more at first, use all the steps, and raise the price of a crash early."
     if recipe.crash_reward < -20:
-        why = "A crash costs so much from the start: begin with a small price and let it grow."
+        why = "A crash costs too much from the start: begin with a small price and let it grow."
     elif recipe.crash_reward_end < 1.5 * LEAST_PENALTY:
-        why = f"The price of a crash drowns all else at the end: {LEAST_PENALTY:g} is enough."
-    return f"{said}, and {LEAST_SCORE:.0%} collected and landed are asked for. {why}"
+        why = f"At the end the price of a crash drowns out all else: {LEAST_PENALTY:g} is enough."
+    return f"{said}; at least {LEAST_SCORE:.0%} collected and landed are required. {why}"
 
 
 @exercise("7.4 · Mend a lazy agent (4 points, 20 minutes)", takes=Recipe, also=wrong_recipe)

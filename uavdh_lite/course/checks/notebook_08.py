@@ -27,24 +27,25 @@ def random_curves():
     "8.1 · How many steps to a threshold (1 point, 8 minutes)",
     rules={
         "The result is one of `steps`: from there on all values are at least the threshold, and "
-        "the value before it is below.": [
+        "the value before that is below it.": [
             ([0.2, 0.9], 0.5), ([0.6, 0.4, 0.8], 0.5), ([0.1, 0.7, 0.8, 0.9], 0.6),
             (RISES, 0.7), (RISES, 0.84), (RISES, 0.6, range(3, 11)),
         ],
-        "If no value is below the threshold, it is the first validation, even at 0 steps.": [
+        "If no value is below the threshold, the result is the first validation, even at 0 "
+        "steps.": [
             (RISES, 0.05), ([0.5], 0.1, [7]), ([0.3, 0.2, 0.9], 0, [0, 100, 200]),
         ],
         "If the last value is below the threshold, there is no such validation: return None. "
         "np.argmax of a condition that is nowhere true is 0, the first place.": [
             (RISES, 0.95), (RISES, 0.88), ([0.5], 0.6), ([0.9, 0.8], 0.85),
         ],
-        "A value that equals the threshold has reached it: only a smaller one, however little, is "
-        "below. That holds for all curves and all distances between validations.": [
+        "A value that equals the threshold has reached it: only a smaller one, by however little, "
+        "is below it. That holds for all curves and all distances between validations.": [
             (RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7), *random_curves(),
         ],
     },
     mistakes={
-        "That is the first crossing. The curve falls back later: ask that it stays.": (
+        "That is the first crossing. The curve falls back later: find where it begins to stay.": (
             lambda steps, values, threshold: next(
                 (float(s) for s, v in zip(steps, values, strict=True) if v >= threshold), None
             )
@@ -83,13 +84,13 @@ def results(count, together, ahead=0.3, scale=1.0):
 @exercise(
     "8.2 · Paired or not (2 points, 8 minutes)",
     rules={
-        "With d = a − b of each pair: the mean of d, and 1.96 standard errors, "
-        "d.std(ddof=1) / sqrt(n), to either side, in the order (mean, low, high).": [
+        "With d = a − b of each pair, return the mean of d and the ends of the interval, 1.96 "
+        "standard errors, d.std(ddof=1) / sqrt(n), to either side: (mean, low, high).": [
             ([3.0, 5.0, 10.0], [1.0, 4.0, 2.0]), ([1.0, 4.0, 2.0], [3.0, 5.0, 10.0]),
             ([9, 5], [1, 2]), (8, 1.0),
         ],
-        "It must hold whether the two results go together or not, for few and many missions. If "
-        "all differences are equal, the interval has the width 0.": [
+        "It must hold whether the two results go together or not, for few missions and for many. "
+        "If all differences are equal, the interval has width 0.": [
             (30, 2.0), (300, 0.5), (15, -0.7), (9, 0.0), (2, 3.0, 2.0), (40, 1.0, -2.0, 50.0),
             (25, 1.0, 3.0, 0.001), ([4.0, 6.0, 11.0], [3.0, 5.0, 10.0]),
         ],
@@ -98,8 +99,8 @@ def results(count, together, ahead=0.3, scale=1.0):
         "The sign is wrong: positive means that a is ahead of b.": lambda a, b: interval(b - a),
         "That is the unpaired interval: it adds both variances, as if each policy had flown "
         "missions of its own. Take the standard deviation of the differences a − b.": unpaired,
-        "You take the size of each difference, abs(a − b): so even of two equally good policies "
-        "one would be ahead. Keep the sign.": lambda a, b: interval(abs(a - b)),
+        "You take the size of each difference, abs(a − b): so one policy would seem ahead "
+        "even of an equally good one. Keep the sign.": lambda a, b: interval(abs(a - b)),
     },
     tolerance=1e-3,
     smallest=1e-6,
@@ -128,9 +129,9 @@ def groups(a, b, parts=1):
 @exercise(
     "8.3 · A p-value for a few seeds (2 points, 15 minutes)",
     rules={
-        "Go through all splits, each once, without chance and without a formula. p is the share of "
-        "those whose difference of the means is at least as large as the observed one, in absolute "
-        "value; the observed split is one of them.": [
+        "Go through all splits, each once, without random draws and without a formula. p is the "
+        "share of those whose difference of the means is at least as large as the observed one, in "
+        "absolute value; the observed split is one of them.": [
             ([1, 2, 3], [4, 5, 6]), ([1.5, 4], [0.25, 8]), ([1], [2]), (3, 3), (2, 2), (4, 4),
         ],
         "The groups may differ in size: the first group of each split is as large as a, and the "
@@ -142,7 +143,7 @@ def groups(a, b, parts=1):
             ([0, 1, 1], [1, 0, 0]), ([5.0], [5.0, 5.0, 1.0]),
         ],
         "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
-        "Others count as different, however small that is.": [
+        "All others count as different, by however little they differ.": [
             ([0.5, 0.1], [0.4, 0.9, 0.2]), ([0.1, 0.7, 0.3], [0.2, 0.6, 0.4]),
             (3, 4, 100), (4, 3, 100), (2, 5, 100), (3, 3, 100), (4, 4, 100),
             ([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), ([0.5, 0.900001], [0.5, 0.9]),

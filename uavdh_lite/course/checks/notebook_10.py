@@ -36,22 +36,23 @@ def simple_low_end(landed, missions):
     "10.1 · How many missions must land? (2 points, 12 minutes)",
     figure=draw_needed,
     rules={
-        "Without a crash all n of n missions land. Ask for the smallest n at which the low end of "
+        "Without a crash, all n missions land. Find the smallest n at which the low end of "
         "Wilson's interval reaches the share.": [
             (0.99, 0), (0.9, 0), (0.5, 0), (0.2, 0), (0.999, 0),
         ],
-        "With crashes, n − crashes of n missions land; n begins above their number.": [
+        "With crashes, n − crashes of n missions land, so n must begin above the number of "
+        "crashes.": [
             (0.99, 1), (0.9, 3), (0.95, 2), (0.5, 5), (0.2, 3), (0.998, 2), (0.97, 12), (0.05, 1),
         ],
     },
     mistakes={
-        "There the share that was *observed* reaches it. Ask it of the low end of the interval.": (
+        "There the *observed* share reaches `share`. The low end of the interval must reach it.": (
             lambda share, crashes: missions_needed.solution(share, crashes, lambda k, n: k / n)
         ),
-        "That is the simple interval, a point as long as nothing crashes. Take Wilson's.": (
+        "That is the simple interval, a mere point as long as nothing crashes. Take Wilson's.": (
             lambda share, crashes: missions_needed.solution(share, crashes, simple_low_end)
         ),
-        "So many are not quite enough: one mission more reaches the share.": (
+        "Your number is one too small: only with one mission more is the share reached.": (
             lambda share, crashes: missions_needed.solution(share, crashes) - 1
         ),
     },
@@ -83,12 +84,12 @@ def wrong_city(text: str) -> str:
     try:
         city = City.from_text("mine", text)
     except InputError as error:
-        return f"That is no valid city: {error}."
+        return f"That is not a valid city: {error}."
     if city.size != SIZE:
         return f"Your city has {city.size}×{city.size} cells; it must have {SIZE}×{SIZE}."
     changed = int((city.kinds != load_agent("manhattan_ddqn").city.kinds).sum())
     if changed > CHANGED:
-        return f"It differs from `home` in {changed} of its {SIZE**2} cells; at most {CHANGED} may."
+        return f"{changed} of its {SIZE**2} cells differ from `home`; at most {CHANGED} may."
     cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0)).tolist()
     if cut_off:
         said = f"There is no way to the landing zone from {cut_off[0]}"
@@ -97,7 +98,7 @@ def wrong_city(text: str) -> str:
     said = f"Collected and landed: greedy {greedy:.1%}, the agent {agent:.1%}"
     print(said)
     if greedy < GREEDY:
-        return f"{said}. Greedy must reach {GREEDY:.0%}, so that the missions are possible."
+        return f"{said}. Greedy must reach {GREEDY:.0%}, to show that the missions are possible."
     if greedy - agent < BEHIND:
         return f"{said}. The agent is too good: what was the same in all missions of its training?"
     return ""

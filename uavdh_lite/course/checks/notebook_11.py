@@ -24,10 +24,10 @@ def draw_old_share(ax, old_share):
         "A full memory holds `capacity` items, and each new item overwrites the oldest.": [
             (100, 100, 10), (50, 80, 20), (10, 1000, 3), (20, 15, 8),
         ],
-        "Once `capacity` items came after the change, nothing old is left, and it stays so.": [
+        "Once `capacity` items have come after the change, nothing old is left, then or later.": [
             (10, 30, 10), (10, 30, 11), (10, 5, 400),
         ],
-        "With nothing added after the change, all is old.": [(10, 30, 0), (10, 3, 0)],
+        "If nothing has been added after the change, everything is old.": [(10, 30, 0), (10, 3, 0)],
     },
     mistakes={
         "That is the share of all that was added. The memory holds `capacity` items at most.": (
@@ -60,7 +60,8 @@ def drawn(error, floor, size=abs, weight=np.reciprocal):
 @exercise(
     "11.2 · Draw what surprises, and make up for it (2 points, 12 minutes)",
     rules={
-        "If all errors are alike, all steps are drawn alike, 1/N each, and all weights are 1.": [
+        "If all errors are equally large, each step is drawn with probability 1/N, with weight "
+        "1.": [
             ([2.0, 2.0, -2.0, 2.0], 0.5), ([7], 1.0), ([0, 0, 0], 0.1),
         ],
         "A step is drawn in proportion to the size of its error plus the floor, and the "

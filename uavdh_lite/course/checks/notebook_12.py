@@ -29,8 +29,8 @@ def situation(name, cell, time_left):
             (CITY, [9], [3]), (CITY, [9], [4]), (CITY, [9], [5]), (CITY, [9], [6]),
             (CITY, [9], [9]), (CITY, [8], [3]), (CITY, [4, 14, 2], [4, 6, 3]),
         ],
-        "To land at once always fits, but in the zone only: elsewhere it is no landing, and costs "
-        "a unit of time, as hovering does.": [
+        "Landing at once always fits, but only in the zone: elsewhere `land` is no landing, and "
+        "costs a unit of time, as hovering does.": [
             (CITY, [0], [1]), (CITY, [0], [2]), (CITY, [0], [3]),
             (CITY, [1], [1]), (CITY, [1], [2]), (CITY, [1], [3]),
             (CITY, [0, 1, 0], [1, 1, 2]),
@@ -38,8 +38,8 @@ def situation(name, cell, time_left):
         "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
             (CITY, [7], [3]), (CITY, [7, 0], [10**6, 10**6]),
         ],
-        "It must hold for all UAVs of a batch, each with its own time, in any city. A column of "
-        "times is time_left[:, None].": [
+        "The mask must be right for all UAVs of a batch, each with its own time, in any city. A "
+        "column of times is time_left[:, None].": [
             (CITY, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4),
         ],
     },
@@ -88,16 +88,16 @@ def one_device(rate, left):
         "the others wait, however much they hold.": [
             links(2, 2, 100.0, 100.0), links(3, 2, 100.0, 40.0, 70), links(3, 2, 0, 0, 0),
         ],
-        "A device that has become empty hands the next slots on; what is over of its last one is "
-        "lost. Each cell begins with the data that was given.": [
+        "A device that has become empty leaves the next slots to the others; what it does not use "
+        "of its last one is lost. Each cell begins with the data that was given.": [
             links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0), links(4, 4, 0.0, 2.0, 11.0, 6.0),
             links(5, 5, 1, 20, 3, 14, 8), links(3, 3, 7.5, 30.0, 30.0), links(2, 4, 0.5, 0.25),
         ],
     },
     mistakes={
         "That is the notebook's estimate, one device for all four slots. When the loudest is "
-        "empty, the next one has those that are left.": one_device,
-        "One device sends in a slot, so they share the four. You let each of them have all four.": (
+        "empty, the next loudest has the slots that are left.": one_device,
+        "Only one device sends in a slot, so all share the four slots. You give each all four.": (
             lambda rate, left: np.minimum(4 * rate, left[:, None, None]).sum(0)
         ),
         "A step has four slots, not one.": (

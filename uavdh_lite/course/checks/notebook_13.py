@@ -14,11 +14,12 @@ def numbered(channels, side, *asked):
 @exercise(
     "13.1 · Turn the map, turn the action (2 points, 10 minutes)",
     rules={
-        "Without a turn and a mirror, map and action stay as they are.": [
+        "Without turning or mirroring, the map and the action stay as they are.": [
             (1, 2, action, 0, False) for action in (0, 3)
         ],
-        "Turn the last two axes to the left: what was north comes to the west, and west to the "
-        "south. A turn takes 1 from the number of a move; below 0 it wraps round to 3.": [
+        "Turn the last two axes to the left: what was in the north comes to the west, and what was "
+        "in the west to the south. A turn takes 1 from the number of a move; below 0 it wraps "
+        "round to 3.": [
             (1, 2, action, turns, False) for turns in (1, 2, 3) for action in range(4)
         ],
         "A mirror image swaps left and right: east and west change places, north and south stay.": [
@@ -38,7 +39,7 @@ def numbered(channels, side, *asked):
         "The map is right, but the action is that of the old map.": (
             lambda layers, action, *how: (view.solution(layers, action, *how)[0], action)
         ),
-        "You turn first and mirror then; it is the other way round.": (
+        "You turn first and then mirror; it must be the other way round.": (
             lambda layers, action, turns, mirrored: view.solution(
                 layers, action, -turns if mirrored else turns, mirrored
             )
@@ -73,15 +74,17 @@ def missions(values, city):
     "13.2 · How sure, if missions share a city? (2 points, 12 minutes)",
     rules={
         "Subtract the mean from the values, add up the differences in each city, and square these "
-        "sums. Multiply their total by C/(C − 1), take the root, and multiply it by 1.96 / N.": [
+        "sums. Multiply their total by C/(C − 1), take its square root, and multiply that by 1.96 "
+        "/ N.": [
             ([4.0, 6, 1, 1], [0, 0, 1, 1]), ([3, 3, 3], range(3)), ([4] * 6, range(6)),
         ],
         "Cities may have different numbers of missions. The mean is that of all N missions, not of "
         "the cities' means.": [([1, 3], [0, 1]), ([5, 1, 2, 9], [0, 1, 2, 3])],
-        "The cities' numbers are names: any ints, in any order. C is how many there are.": [
+        "The cities' numbers are names: any ints, in any order. C is the number of different "
+        "ones.": [
             ([2, 3], [7, 4]), ([2, 5, 1], [-1, -2, 10**6]), ([1] * 4, range(4)),
         ],
-        "Whole numbers and Booleans are values, too, such as whether each UAV landed.": [
+        "Values may be whole numbers or Booleans, too, such as whether each UAV landed.": [
             ([3, 4, 4, 9, 1], [1, 1, 0, 0, 2]), ([True, True, False, True], [5, 5, 0, 0]),
         ],
     },

@@ -28,8 +28,8 @@ def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
 @exercise(
     "14.1 · How far does a shadow reach? (2 points, 12 minutes)",
     rules={
-        "Take the mean away first. ρ of a distance is the mean product of all pairs that are so "
-        "many cells apart, over the mean square of all.": [
+        "Subtract the mean first. ρ at a distance is the mean product of all pairs that are that "
+        "many cells apart, divided by the mean square of all values.": [
             ([3, -3], 0), ([4, 4, -4, -4], 0), ([9, 8, 4, 3, -2, -5, -8, -9], 0),
             ([6.5, 7, 3, 1, 1.5, 2], 0),
         ],
@@ -42,10 +42,10 @@ def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
         "That is a number of cells: multiply it by step_m.": (
             lambda left_db, step_m: first_below(left_db, 1)
         ),
-        "Take the mean away first: a street that is bad as a whole is no correlation.": (
+        "Subtract the mean first: that a street is bad as a whole is no correlation.": (
             lambda left_db, step_m: first_below(left_db, step_m, centred=False)
         ),
-        "There are fewer pairs the further they are apart: compare means, not sums.": (
+        "The further apart the cells, the fewer pairs there are: compare means, not sums.": (
             lambda left_db, step_m: first_below(left_db, step_m, pairs=np.sum)
         ),
     },
@@ -67,15 +67,15 @@ def prior(line_db, heard_db, weight):
 @exercise(
     "14.2 · Believe what you heard (2 points, 12 minutes)",
     rules={
-        "Add to the line the weighted sum of the errors, heard − line, over 1 + the sum of the "
-        "weights.": [
+        "Add to the line the weighted sum of the errors, heard − line, divided by 1 + the "
+        "sum of the weights.": [
             ([-10], [-20], [1]), ([-10], [-20, -30], [1, 0.5]), ([3], [5, 1, 9], [0.2, 1, 0.6]),
         ],
         "If nothing was heard nearby, the line stays.": [([-7.5], [], []), ([-7.5], [4], [0])],
-        "Much that was heard outweighs the line.": [([0], [-15] * 50, [1] * 50)],
+        "Many measurements outweigh the line.": [([0], [-15] * 50, [1] * 50)],
     },
     mistakes={
-        "The line must count as one measurement: the 1 below is missing.": (
+        "The line must count as one measurement: the 1 in the denominator is missing.": (
             lambda line, heard, w: line + np.sum(w * (heard - line)) / max(np.sum(w), 1e-300)
         ),
         "Divide by 1 + the sum of the weights, not by 1 + their number.": (
