@@ -44,9 +44,8 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
 # | **What you'll need** | Notebooks 3 and 6. 45 minutes to read, 45 seconds to run; 110 minutes of exercises |
 #
-# The captions give the time used and the data collected. The early agent leaves about a sixth of
-# the data behind and lands at the last moment, whereas the late one brings all of it home and has
-# two units of time to spare.
+# The early agent leaves about a sixth of the data behind and lands at the last moment, whereas the
+# late one brings all of it home and has two units of time to spare.
 #
 # ## 7.1 One step of the loop
 #
@@ -109,12 +108,11 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # %% [markdown]
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions
 # that are always the same, and always takes the best action, without exploring (eq. 9). Validation
-# also chooses the agent, because a run keeps the version that did best in a validation. The late
-# agent at the top, the agent of the course, was chosen in this way. Such a choice is partly luck,
-# and the largest of many scores is on average too high, like the maximum in 6.5. So the final score
-# of an agent comes from a third set of missions, the *test*. The sets for training, validation and
-# test have no mission in common. In validation and test, a *seed*, the number that starts the
-# stream of random numbers, makes every agent fly the same missions.
+# also chooses the agent, because a run keeps the version that did best in a validation. Such a
+# choice is partly luck, and the largest of many scores is on average too high, like the maximum in
+# 6.5. So the final score of an agent comes from a third set of missions, the *test*. The sets for
+# training, validation and test have no mission in common. In validation and test, a *seed*, the
+# number that starts the stream of random numbers, makes every agent fly the same missions.
 
 # %%
 def draw(ax, rows, title):
@@ -183,10 +181,14 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # too large, they diverge (6.3). If not, see what was changing at that step (β, the learning rate,
 # the cost of a crash), and whether the memory still holds enough different flights.
 #
+# A learning rate that is far too large shows early and with every seed: the score does not rise. At
+# a still larger one the Q-values swing and the loss keeps growing. With one that is far too small,
+# Q-values and score hardly move.
+#
 # ## 7.4 Two ways to fail
 #
-# What happens if the penalty for a crash is too large, and what if there is none at all? Predict
-# the first case before you read on:
+# What happens if the penalty for a crash is too large, and what if there is none? Predict the first
+# case:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -267,9 +269,9 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # News spreads faster, but there is a price. In 6.1 the target asked for the *best* next action,
 # whichever was taken. Here the second and third rewards were earned by an older agent that was
-# exploring, so the target is a little too low. Strictly speaking, such a target is right only for
-# flights of the present agent without exploring. (A *Monte Carlo* target takes all rewards to the
-# end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
+# exploring, so the target is a little too low on average. Strictly speaking, such a target is right
+# only for flights of the present agent without exploring. (A *Monte Carlo* target takes all rewards
+# to the end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
 #
 # `lite` also halves the cost of a step, to 0.1. In a study with an earlier version of the program,
 # this did not help ([the page on the recipe](../docs/results/recipe.md)).
@@ -305,7 +307,6 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 # - Look at landed and collected together. The loss tells you least.
 # - With a large crash penalty from the start an agent may become lazy, and without one it has
 #   hardly any reason to come home.
-# - A recipe defines a training run. Every departure from the paper's needs a reason.
 #
 # ## Exercises
 #
@@ -313,6 +314,6 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 # hints.
 #
 # It is normal that an agent does not learn at first. [My agent does not
-# learn](../docs/tutorials/does_not_learn.md) tells you what to look at, and in which order.
+# learn](../docs/tutorials/does_not_learn.md) says what to look at, and in which order.
 #
 # Further reading: Henderson et al., *Deep Reinforcement Learning that Matters*, 2018.
