@@ -440,7 +440,60 @@ def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):
     choose(page, "layer", "none")
 
 
-def test_a_link_opens_the_same_in_another_browser_and_after_a_reload(browser, address, page):
+def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, address, tmp_path):
+    permissions = ["clipboard-read", "clipboard-write"]
+    with visiting(browser, address, permissions=permissions) as page:
+        label = page.locator(".map g[data-device='0']").first
+        slider = page.get_by_role("slider", name="step")
+
+        def opened_by_link(step):
+            press(page, "Link")
+            expect(page.locator(".copy").first).to_have_text("Copied")
+            expect(page.locator(".copy").first).to_have_text("Link")
+            link = page.evaluate("navigator.clipboard.readText()")
+            assert re.search("#stage=.{100}", link), link
+            with visiting(browser, link) as other:
+                expect(other.locator(".caption")).to_be_hidden()
+                expect(other.get_by_role("slider", name="step")).to_have_value(str(step))
+                there = other.locator(".map g[data-device='0']").first
+                expect(there).to_have_attribute("aria-label", label.get_attribute("aria-label"))
+                return other.locator("[aria-selected=true]").inner_text()
+
+        press(page, "Skip the story")
+        last = shown_step(page)
+        assert opened_by_link(last) == "Compare"  # while 100 missions are still flown for the story
+        open_tool(page, "Think")
+        press(page, "Closest call")
+        step = shown_step(page)
+        assert step < last and opened_by_link(step) == "Think"
+        page.reload()
+        expect(slider).to_have_value(str(step))
+        slider.press("ArrowLeft")
+        press(page, "More")
+        with page.expect_download() as saved:
+            press(page, "Save")
+        saved.value.save_as(tmp_path / "stage.json")
+        open_tool(page, "Paint")
+        page.get_by_label("Open").set_input_files(tmp_path / "stage.json")
+        page.locator(".main[data-shows='think']").wait_for()
+        expect(slider).to_have_value(str(step - 1))
+        page.evaluate("() => { navigator.clipboard.write = () => Promise.reject(); }")
+        press(page, "Link")
+        expect(page.locator(".refusal")).to_contain_text("Not copied")
+        expect(page.locator("[data-set='link']")).to_have_value(re.compile("#stage=.{100}"))
+    with visiting(browser, address) as page:
+        label = page.locator(".map g[data-device='0']").first
+        before = label.get_attribute("aria-label")
+        press(page, "Skip the story")
+        press(page, "greedy wins")  # while 100 missions are still flown
+        expect(label).not_to_have_attribute("aria-label", before)
+        found = label.get_attribute("aria-label")
+        page.wait_for_timeout(600)  # the address follows
+        page.reload()
+        expect(label).to_have_attribute("aria-label", found)
+
+
+def test_an_address_opens_the_same_in_another_browser(browser, address, page):
     open_tool(page, "Channel")
     press(page, "New")
     expect(page).to_have_url(re.compile("#stage="))

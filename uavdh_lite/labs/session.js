@@ -23,7 +23,7 @@ const STORY = 358; // the mission that the page begins with, chosen because it s
 const RACED = 13; // the mission of Watch, chosen because there each agent brings about what it brings on average
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
-const BESIDE = ["show", "values", "shadow", "look"]; // what does not end what takes long
+const BESIDE = ["show", "values", "shadow", "look", "copy"]; // what does not end what takes long
 const STOPPED = new InputError("stopped");
 
 const isCell = (value) => Array.isArray(value) && value.length === 2 && value.every(Number.isInteger);
@@ -35,6 +35,7 @@ const isOf = (...values) => (value) => values.includes(value);
 const MESSAGES = {
   again: {},
   cancel: {},
+  copy: {},
   many: {},
   new: {},
   add: { cell: isCell },
@@ -110,7 +111,6 @@ export class Session {
     const first = data.mission
       ? readFile(JSON.stringify(data.mission), this.shelf)
       : newStage(randomMission(Object.values(cities)[0], STORY, this.shelf), this.shelf);
-    this.fresh = !data.mission && !data.tool;
     this.stage = data.tool ? CHANGES.tool(first, { tool: data.tool }) : first;
     this.hangar = new Hangar(this.stage.mission, this.agents, this.places);
     this.history = [this.stage];
@@ -126,7 +126,6 @@ export class Session {
 
   /** Does what the page tells, or says why it was not done. */
   async hear(told) {
-    clearTimeout(this.linking);
     if (!BESIDE.includes(told.kind)) this.work = null;
     let refused = "";
     try {
@@ -136,7 +135,6 @@ export class Session {
     } catch (error) {
       refused = reasonOf(error);
     }
-    this.fresh = false;
     try {
       this.render(told, refused);
     } catch (error) {
@@ -170,23 +168,23 @@ export class Session {
       refused,
       number,
       quiet: quiet || BESIDE.includes(kind), // no action of the reader
-      fresh: this.fresh,
+      fresh: !this.data.mission && !this.data.tool,
       working: Boolean(this.work),
     };
     this.drawn = { stage, hangar, race, extra, history, at };
     this.post({ kind: "scene", scene });
     clearTimeout(this.linking);
-    this.linking = setTimeout(() => this.link(number), LINKED);
+    this.linking = setTimeout(() => this.link(), LINKED);
   }
 
   /** Tells the page its address, and whether that is another place, to which one can go back. */
-  async link(number) {
+  async link() {
     const [{ stage }, before] = [this, this.linked];
     const link = await linkOf(stage);
     if (stage !== this.stage) return;
     this.linked = stage;
     const moved = Boolean(before) && (before.mission !== stage.mission || before.tool !== stage.tool);
-    this.post({ kind: "link", link, moved, number });
+    this.post({ kind: "link", link, moved });
   }
 
   summary() {
@@ -372,6 +370,9 @@ export class Session {
   /** What is done that is no change of the stage alone. */
   does = {
     cancel() {},
+    async copy() {
+      this.post({ kind: "copy", link: await linkOf(this.stage) });
+    },
     undo({ by }) {
       const at = this.next(by);
       const { [at]: there } = this.history;
@@ -456,8 +457,10 @@ export class Session {
       this.race = { ...this.race, point, left: left || this.race.left };
     },
     async open({ file, link, here, others }) {
+      const stage = await this.long("", () => this.opened(file, link));
       if (here) this.linked = null;
-      this.take(await this.long("", () => this.opened(file, link)), "open");
+      this.filmed = null; // so that its step is shown, though the flights may be the same
+      this.take(stage, "open");
       if (others) throw new InputError(`only ${file.name} was opened: open one file at a time`);
     },
     async save({ what }) {

@@ -59,8 +59,8 @@ export function draw(el, model) {
   const next = new Map(); // what is asked when it has come, the last of each kind
   let slow = null;
   let [refusing, keeping] = [null, null]; // timers: of what is shown as not done, of the step that is to be kept
-  let [link, story] = [null, null]; // of this state; the captions that are still to come
-  let clock = null;
+  let [clock, story] = [null, null]; // the playback; whether captions are still to come
+  let copied = null; // takes the link that was asked for
   el.classList.add("uavdh-player", "uavdh-stage");
 
   const stage = {
@@ -72,8 +72,8 @@ export function draw(el, model) {
     hovered: null, // the cell under the pointer, or the keys'
     ask(told) {
       if (told.show !== undefined) return clock.show(told.show);
-      if (told.kind === "tool") clock.show(clock.now.time); // pauses, so that the step is kept
-      else clearTimeout(keeping); // a step of what was there before
+      if (told.kind === "tool") clock.show(clock.now.time); // pauses
+      keepStep((step) => next.set("show", step)); // before what is told
       if (!told.quiet) stage.refuse("");
       askNext();
       send(told);
@@ -113,10 +113,20 @@ export function draw(el, model) {
       if (!end) clock.show(clock.now.last);
     },
     async copyLink(button) {
-      const told = `${location.href.split("#")[0]}#${LINK}${link}`;
-      await navigator.clipboard?.writeText(told).catch(() => {});
-      button.textContent = "Copied";
-      setTimeout(() => (button.textContent = button.dataset.name), 1500);
+      const link = new Promise((resolve) => (copied = resolve));
+      stage.ask({ kind: "copy" });
+      const text = link.then((letters) => `${location.href.split("#")[0]}#${LINK}${letters}`);
+      try {
+        const blob = text.then((content) => new Blob([content], { type: "text/plain" }));
+        await navigator.clipboard.write([new ClipboardItem({ "text/plain": blob })]); // promised during the press
+        button.textContent = "Copied";
+        setTimeout(() => (button.textContent = button.dataset.name), 1500);
+      } catch {
+        find(".drawer").show();
+        find("[data-set=link]").value = await text;
+        find("[data-set=link]").select();
+        stage.refuse("Not copied, because the browser does not allow it here: copy the link from its field.");
+      }
     },
     /** Opens a link's part of an address, or a text that ends with it; `here` if the address is there already. */
     openLink(text, here = false) {
@@ -181,9 +191,7 @@ export function draw(el, model) {
     const last = fly ? film.flights[0].path.length - 1 : lastStep(film);
     if (changed) {
       const flies = fly && drawnTool === "fly" && last > clock.now.last;
-      const now = clock.now.time === clock.now.last ? -1 : clock.now.time;
-      const known = [null, "fly", state.tool].includes(drawnTool) ? state.step : now;
-      clock.load(last, flies ? last - 1 : fly || known < 0 ? last : known, flies);
+      clock.load(last, flies ? last - 1 : fly || state.step < 0 ? last : state.step, flies);
     } else clock.show(clock.now.time, clock.now.playing);
     [version, drawnTool] = [scene.version, state.tool];
     if (stage.hovered && !film.city[stage.hovered[0]]?.[stage.hovered[1]]) stage.hovered = null;
@@ -256,11 +264,11 @@ export function draw(el, model) {
   }
 
   // The address and the saved file know the step, too
-  function keepStep(time) {
+  function keepStep(keep) {
     clearTimeout(keeping);
-    const step = time === clock.now.last ? -1 : Math.floor(time);
-    if (step === scene.state.step || scene.fresh) return;
-    keeping = setTimeout(() => stage.askWhenFree({ kind: "show", step }), 400);
+    const { time, last } = clock.now;
+    const step = time === last ? -1 : Math.floor(time);
+    if (step !== scene.state.step && scene.state.tool !== "fly" && !story) keep({ kind: "show", step });
   }
 
   // The story: a duel plays, and captions say what to look at
@@ -328,12 +336,12 @@ export function draw(el, model) {
       if (waiting === null) askNext(); // it is computed while this is drawn
       paint();
     },
-    link({ link: found, moved, number }) {
-      if (number < asked) return; // another one will come
-      link = found;
-      const address = scene.fresh ? null : `#${LINK}${link}`;
+    link({ link, moved }) {
+      if (waiting !== null) return; // another one will come
+      const address = story ? null : `#${LINK}${link}`;
       if (model.own) history[moved ? "pushState" : "replaceState"](link, "", address);
     },
+    copy: ({ link }) => copied(link),
     progress({ text, share }) {
       if (text || (share === undefined && waiting === null)) busy(text, share);
     },
@@ -353,7 +361,7 @@ export function draw(el, model) {
       const texts = update(time, playing);
       TOOLS[scene.state.tool].moment?.(stage, scene, time);
       tellStory(time, playing);
-      if (!playing && scene.state.tool !== "fly") keepStep(time);
+      if (!playing) keepStep((told) => (keeping = setTimeout(() => stage.askWhenFree(told), 400)));
       return texts;
     });
     for (const copy of el.querySelectorAll(".copy")) copy.hidden = !model.own;
