@@ -195,7 +195,7 @@ def test_no_barriers(page):
 
 def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(browser, address):
     with visiting(browser, f"{address}#stage=") as page:
-        expect(page.locator(".refusal")).to_contain_text("this address is no link to a stage")
+        expect(page.locator(".refusal")).to_contain_text("this address is not a link to a stage")
         caption = page.locator(".caption")
         expect(caption).to_contain_text("Two drones, one mission")
         assert page.locator(".tool h2").evaluate(
@@ -342,7 +342,7 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
 
 def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
     open_tool(page, "Watch")
-    expect(page.locator(".flies")).to_contain_text("The trainings are of the village")
+    expect(page.locator(".flies")).to_contain_text("The agents learn in the village")
     box = page.locator(".blue .dot").last.bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 15)  # below it
     flies = re.compile(
@@ -508,13 +508,13 @@ def test_an_address_opens_the_same_in_another_browser(browser, address, page):
         press(other, "More")
         other.locator("[data-set='link']").fill("nothing")
         other.locator("[data-set='link']").press("Enter")
-        expect(other.locator(".refusal")).to_contain_text("no link")
+        expect(other.locator(".refusal")).to_contain_text("not a link")
         time = other.locator("[data-field='time']")
         before = time.input_value()
         for wrong in ("", "501", "3.7"):
             time.fill(wrong)
             time.press("Enter")
-            said = "the flying time is a whole number from 1 to 500"
+            said = "the flying time must be a whole number from 1 to 500"
             expect(other.locator(".refusal")).to_contain_text(said)
             expect(time).to_have_value(before)
         field, notice = (each.bounding_box() for each in (time, other.locator(".refusal")))

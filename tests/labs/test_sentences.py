@@ -111,12 +111,12 @@ def test_sentences_speak_to_the_reader(modules):
         winner: { who: one, amount: 2.29, first: 4, last: 4 } },
       { kind: "crash", who: one, other: you }]"""
     assert modules(f"() => {{ {WHO} return {facts}.map(say); }}") == [
-        "At step 4, you want to land and may not and get 2 units from device 1 "
+        "At step 4, you are refused the landing and get 2 units from device 1 "
         "by step 7, while one hovers and goes home.",
-        "Apart from landing, you spend 4 steps that bring 0.1 units or more and 9 that do not; "
-        "one spends 3 and 2.",
-        "Apart from landing, one spends 1 step that brings 0.1 units or more and 40 that do not, "
-        "hovering or flying to and fro in steps 4–9 and 21–26; you spend 3 and 2.",
+        "Apart from landing, you take 4 steps that bring 0.1 units or more and 9 that do not; "
+        "one takes 3 and 2.",
+        "Apart from landing, one takes 1 step that brings 0.1 units or more and 40 that do not, "
+        "hovering or flying to and fro in steps 4–9 and 21–26; you take 3 and 2.",
         "In the end you leave 2.3 units more at device 0, 2.0 at device 2 and 1.0 less at device 1."
         " At device 0, one collects 2.3 units in step 5; you collect less than 0.1 units.",
         "One wins, because you crash: all that was collected is lost.",
@@ -172,7 +172,7 @@ def check_duel(scene, wanted):
                 assert left[begin] - left[end] > left[0] - left[-1] - 0.1  # it comes in these
             else:
                 assert what == "less than 0.1 units" and left[0] - left[-1] < 0.1
-    spends = r"ing, (.*?) spends (\d+) .*? and (\d+) that.*?; .*? spends (\d+) and (\d+)\."
+    spends = r"ing, (.*?) takes (\d+) .*? and (\d+) that.*?; .*? takes (\d+) and (\d+)\."
     for who, *counts in re.findall(spends, why):
         order = flights if "greedy" not in who.lower() else flights[::-1]
         for flight, brings, nothing in zip(order, counts[::2], counts[1::2], strict=True):
@@ -308,18 +308,19 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
     )
     assert kinks == [3, None, None, 1]
     first = (
-        "Blue learns to land for good here, after 15,000 steps: 30 of 100 landed before, 92 then."
+        "Blue learns to land for good here, after 15,000 steps: "
+        "30 of 100 missions landed at the point before, 92 at this one."
     )
-    forgot = "After 5,000 steps 93 landed, but it forgot how."
-    fall = "After 5,000 steps blue brings 93 % of the data home, after 10,000 only 30 %."
+    forgot = "Earlier, after 5,000 steps, 93 landed, but it forgot how."
+    fall = "After 5,000 steps blue brings 93 % of the data home, but after 10,000 only 30 %."
     never = "Orange has not learned to land for good."
-    falls = "After 5,000 steps orange brings 90 % of the data home, after 10,000 only 0 %."
-    brings = "lands {0} of 100 and brings {0} % of the data home"
+    falls = "After 5,000 steps orange brings 90 % of the data home, but after 10,000 only 0 %."
+    brings = "lands in {0} of 100 missions and brings {0} % of the data home"
     end = f"Blue wins: blue {brings.format(92)}; orange {brings.format(0)}."
     assert told(modules, blue, orange) == [first, forgot, fall, never, falls, end]
     assert told(modules, orange, blue)[-1].startswith("Orange wins")
     assert told(modules, run_of(1, 0.5))[0] == "Blue lands from the start."
-    assert told(modules, blue, blue)[-1].startswith("In the end: blue lands 92")
+    assert told(modules, blue, blue)[-1].startswith("In the end: blue lands in 92")
     assert len(told(modules, run_of(0, 0.9, 0.87))) == 2  # hardly less is no fall
 
 

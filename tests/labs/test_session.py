@@ -159,7 +159,7 @@ def test_undo_takes_back_moves_of_the_flight_in_fly_and_elsewhere_the_mission(te
         ("move", {"device": -1, "cell": [2, 4]}, "a building"),
         ("data", {"device": 0, "value": -1}, "must be 0 to below"),
         ("time", {"value": 0}, "flying time 0: must be at least 1"),
-        ("time", {"value": 501}, "this page flies at most 500 units of time"),
+        ("time", {"value": 501}, "this page allows at most 500 units of time"),
         ("paint", {"cells": LANDING, "sign": "."}, "no start and landing zone"),
         ("open", {"link": "abc"}, "this link is damaged"),
     ],
@@ -193,7 +193,7 @@ def test_what_is_wrong_with_a_mission_is_said(tell):
     said = tell("paint", cells=around, sign="B")["warnings"]
     assert said == [
         "No way leads from the landing zone to a cell of this city, row 6, column 6.",
-        "Device 0 is sealed in: it is in sight of no cell that a way leads to.",
+        "Device 0 is sealed in: it cannot be seen from any cell that the UAV can reach.",
     ]
     tell("move", device=0, cell=[1, 6])
     tell("move", device=-1, cell=[7, 0])
@@ -329,7 +329,7 @@ def test_a_city_goes_into_a_picture_and_back(tell, opened, saved, tmp_path):
     assert load_city(tmp_path / "city.png").text.split() == rows
     tell("city", name="village")
     assert opened("city.PNG", content)["film"]["city"] == rows
-    opened("city.png", b"no picture", refused="no readable PNG")
+    opened("city.png", b"no picture", refused="not a readable PNG")
 
 
 def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
@@ -343,7 +343,7 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
 @pytest.mark.parametrize(
     ("entry", "value", "said"),
     [
-        ("version", 2, "no stage"),
+        ("version", 2, "neither a stage"),
         ("tool", 7, "choose one of"),
         ("policies", ["greedy"], "give two names"),
         ("flown", "nx", "other letters"),
@@ -361,7 +361,7 @@ def test_a_file_with_a_wrong_entry_is_refused(opened, saved, entry, value, said)
 
 def test_what_is_no_file_of_the_labs_is_refused(opened):
     opened("photo.jpg", b"\xff\xd8{", refused=r"(.json), a city (.png) or an agent (.safetensors)")
-    opened("a.json", [1], refused="no stage and no mission")
+    opened("a.json", [1], refused="neither a stage nor a mission")
     opened("a.json", b" " * 1_000_001, refused="too large")
 
 

@@ -163,7 +163,7 @@ export function attend(stage) {
     for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
     if (!validity.valid) {
       stage.paint();
-      stage.refuse(`Not done: the ${what} is ${step === "any" ? "a" : "a whole"} number from ${min} to ${max}.`);
+      stage.refuse(`Not done: the ${what} must be ${step === "any" ? "a" : "a whole"} number from ${min} to ${max}.`);
     } else if (name === "data") ask({ kind: "data", device, value });
     else if (!place) ask({ kind: name, value });
     else {

@@ -307,7 +307,7 @@ export class Session {
   take(stage, kind) {
     const { mission, flown, policies } = this.stage;
     const { flyingTime } = stage.mission;
-    require(flyingTime <= LONGEST, `flying time ${flyingTime}: this page flies at most ${LONGEST} units of time`);
+    require(flyingTime <= LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST} units of time`);
     if (stage.mission !== mission || stage.flown !== flown) {
       const soon = this.last[0] === kind && performance.now() - this.last[1] < TOGETHER;
       const at = this.at + (soon && ["move", "data", "time"].includes(kind) ? 0 : 1);

@@ -37,8 +37,8 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
         <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label>
         <label>or a link <input type="text" data-set="link" placeholder="…#${LINK}…"></label>
         <button type="button" class="copy" data-name="Copy the link">Copy the link</button></div>
-      <p>Save keeps city, mission, rivals and step in a file. Open reads it, a mission, a city's PNG or an agent's
-      checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
+      <p>Save keeps the city, the mission, the rivals and the step in a file. Open reads such a file, a mission, a city's
+      PNG or an agent's checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
       and move them with the arrow keys; Delete removes a device.</p></dialog>
     <div class="notice refusal" role="alert"></div>
     <div class="notice busy" role="status" hidden><span></span><progress></progress>
@@ -132,7 +132,7 @@ export function draw(el, model) {
     openLink(text, here = false) {
       const there = text.split(LINK)[1]?.trim();
       if (there) stage.ask({ kind: "open", link: there, here });
-      else if (text) stage.refuse(`Not done: ${here ? "this address" : "this"} is no link to a stage, which has letters after #${LINK}.`);
+      else if (text) stage.refuse(`Not done: ${here ? "this address" : "this"} is not a link to a stage, which has letters after #${LINK}.`);
       return Boolean(there);
     },
   };
@@ -286,7 +286,7 @@ export function draw(el, model) {
     const home = many && many.map(({ who, both }) => `${who.subject} brings ${both[0]} %`).join(" and ");
     const often = home ? ` Over 100 random missions, ${home} of the data home.` : "";
     return [
-      [0, "Two drones, one mission: collect the devices' data, and land in blue in time."],
+      [0, "Two drones, one mission: collect the devices' data, and land on a blue cell in time."],
       [parting ?? 0, `Here they part for good. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
       [Math.max(...results.map(({ steps }) => steps)),
         `${verdict} This mission was chosen because the difference shows.${often} Now it is your turn: drag a device, or fly yourself.`],

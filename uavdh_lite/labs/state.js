@@ -76,10 +76,10 @@ export function readFile(text, shelf) {
   try {
     values = JSON.parse(text.replace(/^\ufeff/, ""));
   } catch {
-    throw new InputError("this is no file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)");
+    throw new InputError("this is not a file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)");
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
-  require(values?.format === FORMAT && values.version === 1, "this file holds no stage and no mission");
+  require(values?.format === FORMAT && values.version === 1, "this file holds neither a stage nor a mission");
   const { policies, tool, flown, step, device } = values;
   const mission = missionFromJson(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
@@ -110,7 +110,7 @@ export async function textOfLink(link) {
     const packed = bytesOf(link.replaceAll("-", "+").replaceAll("_", "/"));
     return await through(packed, new DecompressionStream("deflate")).text();
   } catch {
-    throw new InputError("this link is damaged: copy it again, as a whole");
+    throw new InputError("this link is damaged: copy the whole link again");
   }
 }
 
@@ -118,7 +118,7 @@ export async function textOfLink(link) {
 export async function cityOfPicture(file) {
   const exact = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const picture = await createImageBitmap(file, exact).catch(() => null);
-  require(picture, "this is no readable PNG, or a damaged one");
+  require(picture, "this is not a readable PNG, or it is damaged");
   const { width, height } = picture;
   require(Math.max(width, height) <= MAX_SIZE, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
   const canvas = new OffscreenCanvas(width, height).getContext("2d");

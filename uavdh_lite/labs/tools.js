@@ -7,24 +7,24 @@ import { RUNS, gapOf, grouped, signed, timeUnits, units, upper } from "./words.j
 const WORDS = {
   UAV: "the drone: it flies 10 m above the ground, one cell in a step",
   shadow: "cells that a building hides from a device: the radio link is much weaker there",
-  greedy: "a simple rule: to the nearest device with data, and home in time",
+  greedy: "a simple rule: fly to the nearest device with data, and home in time",
   random: "every action is equally likely",
   "data units": "what the devices have for the UAV to collect",
-  return: "the sum of rewards: a unit of data is 1, a step −0.2 (a landing nothing), a refused action −1, a crash −150",
-  landed: "the share of missions that ended in the landing zone in time",
+  return: "the sum of rewards: each unit of data counts 1, each step −0.2 (a landing nothing), a refused action −1, a crash −150",
+  landed: "the share of missions that ended with a landing in time",
   fading: "random changes of the radio link: the same draws for all who fly a mission",
-  "Q-value": "the return that the agent expects from here on if it takes this action now; later rewards count less, so it is below the sum that comes",
+  "Q-value": "the return that the agent expects from here on if it takes this action now; later rewards count less, so it is usually below their plain sum",
   score: "how surely the planner that the agent copied would take this action",
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
-  dB: "decibels, a logarithmic scale: 10 dB are ten times, 20 dB a hundred times",
-  slot: "a quarter of a step; each goes to the device that is heard best",
-  value: "the best value if the UAV were over that cell now",
+  dB: "decibels, a logarithmic scale: 10 dB are a factor of ten, 20 dB a factor of a hundred",
+  slot: "a quarter of a step; each goes to the device that is heard best among those with data left",
+  value: "the Q-value or score of the best action if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
-  ghost: "the flight of your rival in the same mission, with the same fading, as far as you are",
-  "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance is ten times as long",
-  layer: "a map laid over the city: five of those that the network sees, and the value of each cell",
-  "DDQN agent": "a neural network that learned by a strengthened double deep Q-learning, from its own trials",
-  "imitation agent": "a neural network that learned to copy a planner, then from its own trials; a failsafe brings it home in time",
+  ghost: "the flight of your rival in the same mission, with the same fading, as far as you have come",
+  "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance grows tenfold",
+  layer: "a map laid over the city: one of five that the network sees, or the value of each cell",
+  "DDQN agent": "a neural network that learned from its own trials, by a strengthened form of double deep Q-learning",
+  "imitation agent": "a neural network that first learned to copy a planner and then learned from its own trials; a failsafe brings it home in time",
   "any-city agent": "one neural network for any city of at most 16 by 16 cells; a failsafe brings it home in time",
 };
 const term = (word, shown = word) =>
@@ -132,18 +132,18 @@ export const TOOLS = {
       const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
       const there = KINDS[city[row + down]?.[col + right]];
       const inTheWay = there ? `a ${there.name}` : "the edge of the city";
-      const why = action === "land" ? "you can only land in blue" : inTheWay;
+      const why = action === "land" ? "you can only land on blue cells" : inTheWay;
       return `<b>Refused: ${action}</b>, ${why}. One unit of time is gone.`;
     },
     help: (you, rival) => `<h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
-      <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space hovers, L lands; or
+      <p>Collect the ${term("data units", "data")} and land on a blue cell in time. Arrow keys move, space hovers, L lands; or
       press the buttons; ↶ takes a move back. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
     card(you, ghost, rival, no) {
       const ahead = you.return - ghost.return;
       const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} step${each.steps === 1 ? "" : "s"}`;
       const end = you.landed ? `You landed with ${home(you)}.` : "The time ran out before you landed.";
       const other = ghost.landed ? home(ghost) : "a crash";
-      const refused = no.length ? ` Refused: ${no.length}, each costs 1 and a step.` : "";
+      const refused = no.length ? ` Refused actions: ${no.length}; each cost 1 and a step.` : "";
       const names = ahead > 0 ? "You win" : `${upper(escaped(rival.subject))} wins`;
       return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? "Level" : names}</h2>
         <p>${end}${refused} ${explained(upper(rival.title))}: ${other}. ${term("return", "Return")}:
@@ -199,12 +199,12 @@ export const TOOLS = {
       const layers = ["none", ...SEEN, "value"].map((name) => [name, name]);
       const { step, gap, stake } = panel.closest;
       const instead = panel.instead && `${upper(panel.instead.subject)} ${panel.instead.you ? "have" : "has"} no ${panel.number}s: here the ${panel.agent} thinks and flies.`;
-      const idle = stake ? ", the smallest while there was still a unit of data or more to collect." : ". Nothing was left to collect, so little depends on it.";
+      const idle = stake ? ", the smallest while there was still a unit of data or more to collect." : ". Hardly anything was left to collect, so little depends on it.";
       return `<div role="status"><h2 class="says-why"></h2></div>${instead ? `<p><b>${explained(instead)}</b></p>` : ""}
-        <h3>${term(panel.number, `${panel.number}s`)}: the longer, the better (best: <span class="most"></span>)</h3><div class="q"></div>
+        <h3>${term(panel.number, `${panel.number}s`)}: the longer the bar, the better (best: <span class="most"></span>)</h3><div class="q"></div>
         <div class="row">${button("Closest call", { show: step })} <small>step ${step + 1}: a gap of ${gapOf(gap)}${idle}</small></div>
         <div class="row">${chooser("layer", "layer", layers, looks.layer)}
-        <label><input type="checkbox" data-set="centred" ${looks.centred ? "checked" : ""}> centred, as it sees it</label></div>
+        <label><input type="checkbox" data-set="centred" ${looks.centred ? "checked" : ""}> centred, as the network sees it</label></div>
         <div class="layer-scale"></div><p class="meaning"></p>
         <div class="row">${chooser("who thinks", "policy-0", panel.agents, panel.name)}</div>`;
     },
@@ -280,7 +280,7 @@ export const TOOLS = {
       stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
       stage.find(".ray")?.classList.toggle("blocked", hidden);
       const there = KINDS[film.city[row][col]]?.name ?? "open ground";
-      const head = hidden ? `Behind a building: it costs ${cost.toFixed(1)} ${term("dB")}.` : "In sight.";
+      const head = hidden ? `Hidden by buildings: they cost ${cost.toFixed(1)} ${term("dB")}.` : "In sight.";
       const instead = hidden ? ` instead of ${units(panel.free[number])}` : "";
       const traced = panel.traced ? ` in the model; ${units(panel.traced.rate[number])} in flights` : "";
       stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${units(panel.rate[number])} units a ${term("slot")}${instead}${traced}.`);
@@ -310,8 +310,8 @@ export const TOOLS = {
         d="M-.5 -.5${SQUARE}"/>${sign === "." ? "" : cells([sign], sign)}</svg>${name.split(":")[0]}</button>`;
       const all = [[".", { name: "open ground" }], ...Object.entries(KINDS)];
       return `<h2>Paint the city</h2><p>Draw with the pointer, and drag devices where you want them; or press Tab to the map,
-        move with the arrow keys and paint with space. Violet: from where a device at the pointer could not be seen, its
-        ${term("shadow")}.</p>
+        move with the arrow keys and paint with space. Violet cells are those that a device at the pointer could
+        not see: its ${term("shadow")}.</p>
         <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
         <table>${average(scene)}</table>
@@ -346,10 +346,10 @@ export const TOOLS = {
         <p class="verdict" role="status">${says.map(escaped).join("<br>")}</p>
         <p class="flies">${panel.point
           ? `This flight: ${explained(flight.name)}, in one mission. ${flight.ending} ${mean}`
-          : "Press near a point, or move with the arrow keys, to see its agent fly. A point: 100 missions that it did not learn from."}
-        ${elsewhere && `The trainings are of the ${escaped(elsewhere)}: a point shows its agent there, and ↶ brings your mission back.`}
-        ${left ? "↶ brings your mission back." : ""} The trainings were recorded.
-        ${odd ? `They step in several missions at once, hence ${grouped(odd.steps)} and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>`;
+          : "Press near a point, or move with the arrow keys, to see its agent fly. Each point stands for 100 missions that the agent did not learn from."}
+        ${elsewhere && `The agents learn in the ${escaped(elsewhere)}: a point shows its agent there, and ↶ brings your mission back.`}
+        ${left ? "↶ brings your mission back." : ""} The training runs were recorded.
+        ${odd ? `They fly several missions at once, hence ${grouped(odd.steps)} steps and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>`;
     },
     drawn: "", // the runs whose curves have drawn themselves
     fresh(chosen) {
@@ -371,11 +371,11 @@ export const TOOLS = {
 const CURVES = [["landed", "landed"], ["collected_and_landed", "collected and landed"]];
 const CENTRED = "All layers are shifted so that the UAV is in the middle.";
 const MEANINGS = {
-  "landing zone": "A layer that the network sees: where it may land.",
-  "no-fly zone": "A layer: where it may not fly. Outside of the city, too.",
+  "landing zone": "A layer that the network sees: where the UAV may land.",
+  "no-fly zone": "A layer: where the UAV may not fly, which includes all that is outside the city.",
   buildings: "A layer: what blocks the radio link.",
   "data left": "A layer: data still to be collected, in the cells of the devices.",
-  "data collected": "A layer: data that it has collected, in the same cells.",
+  "data collected": "A layer: data that the UAV has collected, in the same cells.",
 };
 const SEEN = Object.keys(MEANINGS);
 

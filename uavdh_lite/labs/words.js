@@ -9,7 +9,7 @@
  * @property {boolean} you whether it is the reader, whose verbs have no s
  */
 
-const IRREGULAR = { has: "have", goes: "go", crashes: "crash", flies: "fly", hovers: "hover" };
+const IRREGULAR = { has: "have", goes: "go", crashes: "crash", flies: "fly", hovers: "hover", is: "are" };
 
 /** A verb in the person of its subject: `who("flies")` or, of the reader, `you fly`. */
 export const says = ({ subject, you }, verb, rest = "") =>
@@ -28,7 +28,7 @@ const fromTo = (first, last) => (last > first ? `from step ${first + 1} to ${las
 
 /** What somebody does in a step: `{ who, action, refused }`. */
 function act({ who, action, refused }) {
-  if (refused) return says(who, "wants", `to ${action === "land" ? "land" : `go ${action}`} and may not`);
+  if (refused) return says(who, "is", `refused the ${action === "land" ? "landing" : `move ${action}`}`);
   return { hover: says(who, "hovers"), land: says(who, "lands") }[action] ?? says(who, "flies", action);
 }
 
@@ -57,16 +57,16 @@ const TEMPLATES = {
     const why = refusals ? "fewer actions are refused" : `${they} ${are} ${told.at(-1)}`;
     return `${upper(says(who, "wins"))} by ${by.toFixed(1)} in return, ${less}because ${why}.`;
   },
-  same: () => "They come to the same end.",
+  same: () => "Both flights end in the same way.",
   part: ({ step, acts, ends }) =>
     `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k]) : "")).join(", while ")}.`,
   first: ({ step }) => `They first act differently at step ${step + 1}, but come near each other again.`,
   spends({ who, spent, other, others, stretches, hovers, turns }) {
     const does = [hovers && "hovering", turns && "flying to and fro"].filter((each) => each).join(" or ");
     const where = does && `, ${does} in steps ${listed(stretches.map(([first, last]) => `${first + 1}–${last + 1}`))}`;
-    return `Apart from landing, ${says(who, "spends", `${steps(spent.brings)} that ${spent.brings === 1 ? "brings" : "bring"} 0.1 units or more`)} ` +
+    return `Apart from landing, ${says(who, "takes", `${steps(spent.brings)} that ${spent.brings === 1 ? "brings" : "bring"} 0.1 units or more`)} ` +
       `and ${spent.idle} that ${spent.idle === 1 ? "does" : "do"} not` +
-      `${where}; ${says(other, "spends", `${others.brings} and ${others.idle}`)}.`;
+      `${where}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.`;
   },
   leaves({ devices, unused, loser, winner }) {
     const left = devices.map(({ device, more }, k) =>
@@ -80,12 +80,12 @@ const TEMPLATES = {
   // What an agent does in a step, and why
   chooses({ action, reason, gap, second, close, both }) {
     const why = reason ? REASONS[reason.kind](reason) : "";
-    if (gap === null) return `${action}, because nothing else is allowed in time.`;
+    if (gap === null) return `${action}, because nothing else leaves time to land.`;
     return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}${both ? comparison(both) : ""}.`;
   },
 
   place: ({ source, licence }) =>
-    "A real place. In flights a table of traced rays says how well the UAV hears each device; there is no fading, and where " +
+    "A real place. In flights over it a table of traced rays says how well the UAV hears each device; there is no fading, and where " +
     "no ray arrives, nothing is heard. Shadows and the tool Channel show the paper's model, which is also what agents are told. " +
     `Traced with Sionna RT; source: ${source}, ${licence}`,
 
@@ -93,14 +93,14 @@ const TEMPLATES = {
   fromTheStart: ({ run }) => `${upper(RUNS[run])} lands from the start.`,
   never: ({ run }) => `${upper(RUNS[run])} has not learned to land for good.`,
   kink: ({ run, steps, before, now, episodes }) =>
-    `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} landed before, ${now} then.`,
-  forgot: ({ steps, landed }) => `After ${grouped(steps)} steps ${landed} landed, but it forgot how.`,
+    `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} missions landed at the point before, ${now} at this one.`,
+  forgot: ({ steps, landed }) => `Earlier, after ${grouped(steps)} steps, ${landed} landed, but it forgot how.`,
   falls: ({ run, from, to }) =>
-    `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, after ${grouped(to.steps)} only ${to.home}\u00a0%.`,
+    `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, but after ${grouped(to.steps)} only ${to.home}\u00a0%.`,
   point: ({ episodes, landed, home }) =>
     `Over ${episodes} missions that it did not learn from, it lands in ${landed} and brings ${home}\u00a0% of the data home.`,
   ends({ ends, wins, episodes }) {
-    const told = ends.map(({ landed, home }, k) => `${RUNS[k]} lands ${landed} of ${episodes} and brings ${home}\u00a0% of the data home`);
+    const told = ends.map(({ landed, home }, k) => `${RUNS[k]} lands in ${landed} of ${episodes} missions and brings ${home}\u00a0% of the data home`);
     return `${wins === null ? "In the end" : `${upper(RUNS[wins])} wins`}: ${told.join("; ")}.`;
   },
 
@@ -108,7 +108,7 @@ const TEMPLATES = {
   sealed: ({ cells, where: [row, col] }) =>
     `No way leads from the landing zone to ${cells === 1 ? "a cell" : `${cells} cells`} of this city${cells === 1 ? "," : ", such as"} row ${row}, column ${col}.`,
   unreachable: ({ device }) => `No way leads to device ${device}: it can only be heard from afar.`,
-  unheard: ({ device }) => `Device ${device} is sealed in: it is in sight of no cell that a way leads to.`,
+  unheard: ({ device }) => `Device ${device} is sealed in: it cannot be seen from any cell that the UAV can reach.`,
   late: ({ time, home }) =>
     home > 9999 ? "No way leads from the start to a landing zone." : `A flying time of ${time} is too short: the way home alone takes ${home}.`,
 };
