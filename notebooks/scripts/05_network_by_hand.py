@@ -35,8 +35,6 @@ SVG(data_folder() / "figures/network.svg")
 # | **What you'll learn** | Neuron, loss, gradient descent, backpropagation, convolution, stride, receptive field, PyTorch's training loop |
 # | **What you'll need** | Notebook 4, the derivative of a function. 50 minutes to read, 60 seconds to run; 42 minutes of exercises |
 #
-# If you have trained networks before, start at 5.5.
-#
 # ## 5.1 A neuron
 #
 # A network is made of **neurons**. Each multiplies its inputs by **weights**, then adds up the
@@ -84,7 +82,8 @@ ax.set(xlabel="input", ylabel="output")
 ax.legend();
 
 # %% [markdown]
-# Each neuron adds one kink. With enough kinks, the sum can follow any continuous curve.
+# Each neuron adds one kink. With enough kinks, the sum can follow any continuous curve over a
+# bounded stretch as closely as you like.
 #
 # ## 5.2 Going downhill
 #
@@ -142,11 +141,9 @@ ax.set(xlabel="weight", ylabel="loss");
 # changes nothing here, because $h$ is positive. Where it gives 0, the slope is 0, and the weights
 # before it learn nothing; so the agent's *leaky* ReLUs turn a negative number into a tenth of it.)
 # If $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each
-# slope is the one to its right times a number that is known from the forward pass. (Over many
-# layers such products may *vanish* or *explode*.) So one backward pass gives the slopes of *all*
-# weights at the cost of one or two forward passes. This is **backpropagation**.
-#
-# PyTorch does this for you:
+# slope is the one to its right times a number that is known from the forward pass. So one backward
+# pass gives the slopes of *all* weights at the cost of one or two forward passes. This is
+# **backpropagation**. In PyTorch:
 
 # %%
 w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # remember what is computed with these
@@ -174,20 +171,22 @@ def train(model, x, y, updates=400):
         optimiser.step()
 
 # %% [markdown]
-# - `optimiser = …` makes the optimiser, with the learning rate `lr`. **Adam** adapts the steps of
-#   each weight: they become longer while its slopes keep their sign, and shorter while the sign
-#   keeps flipping.
+# - `optimiser = …` makes the optimiser, with the learning rate `lr`. **Adam** divides each weight's
+#   steps by the usual size of its slopes, so that all weights take steps of similar length, and
+#   shorter ones while the sign of a slope keeps flipping.
 # - `loss = …` is the forward pass, in which PyTorch notes each operation. The loss is a mean over a
 #   **minibatch**, because using all examples would be slower, and using a single one too noisy.
 # - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
 #   them.
-# - `loss.backward()` is backpropagation, which finds all slopes.
+# - `loss.backward()` is backpropagation.
 # - `optimiser.step()` lets every weight take a step downhill.
 #
 # ## 5.5 A window that moves
 #
 # Move the neuron of 5.1 across a larger picture like a window, and write down its output at each
-# place. This is a **convolution**, and the weights are its *kernel*.
+# place. This is a **convolution**, and the weights are its *kernel*. (Signal processing calls it a
+# *cross-correlation*; a convolution there mirrors the kernel first. As a network learns its
+# kernels, this makes no difference.)
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -203,18 +202,21 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # building moves one cell to the east, so does the result (**translation equivariance**).
 #
 # In the agent's first convolution, each of the 16 kernels has 5 × 5 weights for each of the map's
-# five layers, adds up all the products, and makes one new picture, a **feature map**, for the
+# five layers, adds up the products, and makes one new picture, a **feature map**, for the
 # second convolution.
 #
-# The number of cells by which the window moves each time is the **stride**. So far it has been 1.
-# With a stride of 3 the result has a third as many cells on each side, which saves work and
-# weights.
+# The number of cells by which the window moves each time is the **stride**. With a stride of 3 the
+# result has a third as many cells on each side, which saves work and weights. But it follows
+# exactly only if the building moves by three cells.
+#
+# Many networks for pictures also use **pooling**: of each small window, or of a whole feature map,
+# they keep only the largest number or the mean. That suits the question *whether* something is in
+# the picture. Here it matters *where* it is, so our network has none.
 #
 # ### What a unit can see
 #
-# Each number in a layer's output is a *unit*. A unit of the second convolution depends on 5 × 5
-# units of the first, and each of those on 5 × 5 cells of the map. How much of the map does this
-# unit see? Its slope is 0 for every cell on which it does not depend:
+# Each number in a layer's output is a *unit*. How much of the map does a unit of the second
+# convolution see? Its slope is 0 for every cell on which it does not depend:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -241,12 +243,11 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 #
 # ## 5.6 One question, three networks
 #
-# To compare dense layers, convolutions and centring, we ask one question: **is a device near the
-# UAV**, within three rows and three columns? The answer is +1 if so and −1 if not. Our 8000
-# examples are pairs of a device's cell and a UAV's cell; in half of them the device is near. Every
-# other pair is for training, the rest for the test. *In place*, a map has two layers, one with a 1
-# in the device's cell and one with a 1 in the UAV's. *Centred*, it has only one, with a 1 at the
-# device's position relative to the UAV.
+# We ask three networks one question: **is a device near the UAV**, within three rows and three
+# columns? The answer is +1 if so and −1 if not. Our 8000 examples are pairs of a device's cell and
+# a UAV's cell; in half of them the device is near. Every other pair is for training, the rest for
+# the test. *In place*, a map has two layers, one with a 1 in the device's cell and one with a 1 in
+# the UAV's. *Centred*, it has only one, with a 1 at the device's position relative to the UAV.
 
 # %%
 from uavdh_lite.course.near_far import near_pairs
@@ -254,8 +255,8 @@ from uavdh_lite.course.near_far import near_pairs
 in_place, centred, y = near_pairs()
 
 # %% [markdown]
-# Three networks try to answer. A dense network and one with two convolutions see the map in place;
-# another dense network sees the centred map. Which will succeed?
+# A dense network and one with two convolutions see the map in place; another dense network sees the
+# centred map. Which will succeed?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -284,9 +285,8 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # training pairs by heart, and guesses at new ones. This is **overfitting**: the network fits its
 # examples better than the world that they come from. A weight of its first layer belongs to an
 # absolute place, such as "device at (4, 7)". Whether that is near depends on the UAV, so what the
-# network learns about one pair tells it little about the next. Besides the two remedies below, more
-# examples would help, and so would stopping when the results on unseen examples get worse (**early
-# stopping**).
+# network learns about one pair tells it little about the next. More examples would help, and so
+# would stopping when the results on unseen examples get worse (**early stopping**).
 #
 # The **convolutions** avoid this problem. Their window sees the UAV and a near device *together*,
 # wherever in the city they are. And with the **centred** map even the dense network is nearly
@@ -300,8 +300,8 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 #
 # ## 5.7 The whole network
 #
-# In the drawing at the top, the last layer has six neurons, so a single pass gives all six
-# Q-values. These neurons have no ReLU, because a Q-value may be negative.
+# The last layer has six neurons, so a single pass gives all six Q-values. These neurons have no
+# ReLU, because a Q-value may be negative.
 #
 # | layer | output with the recipe `paper` (authors' code) | output in our agent |
 # | --- | --- | --- |
@@ -322,9 +322,8 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 #
 # ## Recap
 #
-# - A neuron is a weighted sum, and a ReLU puts a kink in it.
-# - Gradient descent moves each weight so that the loss falls. Backpropagation computes the slopes
-#   for all weights in one backward pass.
+# - Gradient descent moves each weight downhill; backpropagation finds all slopes in one backward
+#   pass.
 # - A convolution moves one neuron across a picture, so what it learns in one place holds in others.
 #   With centred maps this is true even of a dense network.
 #

@@ -276,9 +276,9 @@ for name, each in flown.items():
 # mission** would be an optimiser, like the genie: it would search until it had a good flight, and
 # begin again with the next mission. One agent **for all missions** has paid for its search once, in
 # training, and decides in about a hundredth of a second wherever it is put. A network for a single
-# mission would lie in between: it would probably need far fewer steps and might fly that mission a
-# little better, but each new mission would need another training run. So the price of one network
-# for all is longer training, with weights that have to serve every mission.
+# mission would lie in between: it would have less to learn and might fly that mission a little
+# better, but each new mission would need another training run. So the price of one network for all
+# is longer training, with weights that have to serve every mission.
 #
 # Could the agent fly a real UAV? What separates a simulator from the street is called the
 # **sim-to-real gap**. Our UAV knows its position, the map and the data left exactly, meets no wind,
