@@ -42,7 +42,7 @@ SVG(data_folder() / "figures/network.svg")
 #
 # $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
-# Here are nine inputs as a picture, nine weights and their products:
+# Here are nine inputs, nine weights and their products:
 
 # %%
 import numpy as np
@@ -115,8 +115,8 @@ ax.set(xlabel="weight", ylabel="loss");
 # **hyperparameter**.
 #
 # The slope in the code has the input, 3, as a factor. So the weight of an input of 70 takes far
-# longer steps than the weights of inputs near 1, and overshoots at a learning rate at which those
-# hardly move. That is why data and flying time are scaled to small numbers.
+# longer steps than the weights of inputs near 1. Even an equal step moves the output 70 times as
+# far, so it overshoots first. Therefore data and flying time are scaled to small numbers.
 #
 # The slope of a squared error grows with the error, so a single error of 150 pulls at the weights
 # as hard as 150 errors of 1. So our agents learn with the **Huber loss**, a parabola near 0 and a
@@ -206,10 +206,10 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # second convolution.
 #
 # The number of cells by which the window moves each time is the **stride**. With a stride of 3 the
-# result has a third as many cells on each side, which saves work and weights. But it follows
+# result has a third as many cells on each side, which saves work and weights. But it moves along
 # exactly only if the building moves by three cells.
 #
-# Many networks for pictures also use **pooling**: of each small window, or of a whole feature map,
+# Many networks for pictures use **pooling**: of each small window, or of a whole feature map,
 # they keep only the largest number or the mean. That suits the question *whether* something is in
 # the picture. Here it matters *where* it is, so our network has none.
 #

@@ -193,11 +193,11 @@ Quiz("three_seeds")
 # make it large, and one that is not significant has not been shown to be 0. Nor is the p-value the
 # probability that the methods are equally good.
 #
-# In the village only 10 of the 924 ways give so large a gap, a p-value of 1 %. Yet the interval contained 0. We made it too wide on purpose (2.2 standard errors would just have missed 0),
-# and the failed run of seed 2 makes $s$ large, whereas a permutation test assumes no normal
-# distribution. So there is probably a lead, but we hardly know its size. Over Manhattan it
-# is the reverse: the interval is far from 0, with $p$ at 10 %, so all rests on the normal
-# distribution.
+# In the village only 10 of the 924 ways give so large a gap, a p-value of 1 %. Yet the interval
+# contained 0. We made it too wide on purpose (2.2 standard errors would just have missed 0), and
+# the failed run of seed 2 makes $s$ large, whereas a permutation test assumes no normal
+# distribution. So there is probably a lead, but we hardly know its size. Over Manhattan it is the
+# reverse: the interval is far from 0, with $p$ at 10 %, so all rests on the normal distribution.
 #
 # If five parts of a recipe are taken away one by one, and none of them matters, at least one of the
 # five comparisons with the same full recipe still comes out below 5 % nearly one time in five. (If
