@@ -539,7 +539,7 @@ MISTAKES = {
         (trained("fresh"), "does not begin as a copy of the online one"),
         (trained("returned"), "is not the trained one: return `online`"),
         (trained("gradient"), "A gradient runs through y"),
-        (trained("in place"), r"in-place operation, in line \d+, `old.lerp_"),
+        (trained("in place"), r"under `with torch.no_grad\(\):`. See line \d+, `old.lerp_"),
     ],
     "stable_policy": [
         (softmax_policy, "the library's own, from uavdh_lite.ddqn. Write it yourself"),

@@ -49,6 +49,18 @@ def test_a_next_state_that_is_stored_after_the_restart_is_named(monkeypatch):
     assert "no minibatch" not in checks.village_dqn.wrong_with(village())
 
 
+def test_ignored_ends_are_refused_whatever_was_collected_and_a_still_target_is_named(monkeypatch):
+    monkeypatch.setattr(notebook_07, "ROUNDS", 400)
+    monkeypatch.setattr(notebook_07, "LEAST_LEAD", -1.0)  # everything else is good enough
+    endless = village("torch.tensor(following.ended)", "torch.zeros(64, dtype=bool)")
+    said = checks.village_dqn.wrong_with(endless)
+    assert re.search(r"That is enough, but .*`land` is worth .* must be the reward alone", said)
+    assert not checks.village_dqn.wrong_with(village())
+    monkeypatch.setattr(notebook_07, "LEAST_LEAD", 1.0)
+    still = checks.village_dqn.wrong_with(village("lerp_(new, 0.02)", "lerp_(new, 0.0)"))
+    assert re.search(r"points more.*Does the target network follow", still)
+
+
 @pytest.mark.parametrize("name", FUNCTIONS)
 @pytest.mark.filterwarnings("ignore")
 def test_each_named_mistake_is_told_as_itself(name):

@@ -95,7 +95,11 @@ print("a batch of", len(pair))
 #
 # The check trains your agent for 2000 rounds, in about half a minute, and flies it through 500
 # missions, always with the best action. Your agent passes if its *collected and landed* is at least
-# 20 percentage points above that of random flying.
+# 20 percentage points above that of random flying (11 %), and if it has learned that nothing
+# follows an end. So passing means that it learns, and not that all is right: with three seeds, our
+# solution reached 50, 72 and 63 %. Before training, a network like ours mostly lands at once or
+# never, so it collects and lands 0 to 12 %. `REWARDS` counts 1 for each data unit, −0.1 for each
+# step, −1 where the safety controller steps in, and −20 for a crash.
 #
 # <details><summary>Hint: the network</summary>
 #
@@ -196,8 +200,10 @@ checks.village_dqn(train)
 # %% [markdown]
 # How good is your agent? The next cell flies the same missions with random, with greedy, and with
 # an agent that the library's own loop has trained for as many steps. This takes another half
-# minute. What would help: more rounds, another $\beta$, a larger network? Write down what you
-# expect before you try it, and try it with more than one seed.
+# minute. The library's recipe `small` has more than yours: 3-step returns, exploring starts, two
+# convolutions, layer normalisation, and a crash that costs 5 at first and 20 later. What would
+# help: more rounds, another $\beta$, a larger network? Write down what you expect before you try
+# it, and try it with more than one seed.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate

@@ -7,6 +7,7 @@ from torch.overrides import TorchFunctionMode
 from uavdh_lite.course.checks.exercise import CheckFailed
 
 LOSSES = ("sub", "__rsub__", "mse_loss", "huber_loss", "smooth_l1_loss", "l1_loss")
+IN_PLACE = ("lerp_", "copy_", "mul_", "add_")  # as the target network may follow
 UPDATES = 3  # that are looked at
 
 
@@ -38,6 +39,12 @@ class Watched(TorchFunctionMode):
             return func(*args, **(kwargs or {}))
         if len(tensors) == 2 and func.__name__ in (*LOSSES, "add", "mul"):
             _compared(*tensors, func.__name__ in LOSSES)
+        weight = tensors[0].is_leaf and tensors[0].requires_grad and torch.is_grad_enabled()
+        if weight and func.__name__ in IN_PLACE:
+            raise CheckFailed(
+                "Weights are changed outside of `torch.no_grad()`: put the lines in which the "
+                "target network follows under `with torch.no_grad():`."
+            )
         if not self.before and func.__name__ in ("linear", "conv2d"):
             self.used[tensors[-1]] = None
         if func is Tensor.backward:

@@ -274,7 +274,9 @@ class ring_buffer:
     "6.4 · A target network (2 points, 20 minutes)",
     rules={
         "y comes from the target network. With τ = 0 it stays what it was at the start, so y is "
-        "the reward, plus a guess near 0.": [(0, 0.9, 0.0, (0, 3), 1.0)],
+        "the reward, plus a guess near 0: up to 2 more or less is right.": [
+            (0, 0.9, 0.0, (0, 3), 1.0),
+        ],
         "After each update every weight of the target network becomes (1 − τ) times itself plus τ "
         "times the online one. So nothing explodes, and the start is worth 6.7.": [
             (0, 0.95, 0.05, (0, 3), 0.2),

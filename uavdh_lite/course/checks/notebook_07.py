@@ -20,6 +20,7 @@ from uavdh_lite.training import Trainer
 
 ROUNDS, REWARDS = 2000, Rewards(movement=-0.1, crash=-20.0)  # of the student's own DQN
 LEAST_LEAD = 0.2  # over random, in collected and landed
+SOON = 2.0  # the best Q-value of a start, if nothing but the next reward counts: it is below 1
 
 
 class Flown(Environment):
@@ -55,25 +56,41 @@ def wrong_training(train) -> str:
         return f"Return a function q_values(state). You returned {show(q_values)}."
     if not watched.updates:
         return "Nothing was trained: `loss.backward()` was never called."
-    q = q_values(scenario.sample(environment, 3, stream(Use.EXERCISE, 1)))
-    if np.shape(q) != (3, 6):
-        return f"For three states q_values gives {show(q)}, not a tensor of shape (3, 6)."
+    q = q_values(scenario.sample(environment, 100, stream(Use.EXERCISE, 1)))
+    if np.shape(q) != (100, 6):
+        return f"For 100 states q_values gives {show(q)}, not a tensor of shape (100, 6)."
     if not torch.isfinite(q).all():
         return "The Q-values are not finite: they have exploded. Is y made by the target network?"
+    best = float(q.detach().amax(1).mean())
+    hover, land = q.detach().mean(0)[-2:].tolist()  # of the starts, where landing is allowed
+    endless = best > SOON and land > 0.75 * hover
 
     own, said = flown(FunctionPolicy(lambda s: q_values(s).detach().argmax(1).numpy()))
     chance = flown(Random(0))[0]["collected_and_landed"]
     print(f"{said}; random: {chance:.0%}")
-    if own["collected_and_landed"] >= chance + LEAST_LEAD:
+    enough = own["collected_and_landed"] >= chance + LEAST_LEAD
+    if enough and not endless:
         return ""
-    why = "It collects and does not come home: does y end with the reward where an episode ended?"
+    why = "It collects and does not come home: is y the reward alone where it crashed?"
     if own["landed"] > 0.8:
         why = "It lands and hardly collects: is β large at first, and are all actions tried?"
+    if best < SOON:
+        why = (
+            f"To it the best action at the start is worth {best:.1f}, hardly more than the next "
+            "reward. Does the target network follow the online one in each round, and is γ 0.95?"
+        )
+    if endless:
+        why = (
+            f"At the start of a mission `land` is worth {land:.1f} to it, as if the flight went on "
+            f"(`hover`: {hover:.1f}). Where an episode ended, y must be the reward alone."
+        )
     if watched.ends is False:
         why = (
             "In no minibatch did an episode end. Store the next state as `step` gave it, before a "
             "new mission takes its place."
         )
+    if enough:
+        return f"{said}. That is enough, but the learning is wrong. {why}"
     asked = f"Random flying has {chance:.0%} collected and landed, and at least 20 points more"
     return f"{said}. {asked}, {chance + LEAST_LEAD:.0%}, are asked for. {why}"
 
