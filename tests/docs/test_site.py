@@ -131,6 +131,13 @@ def test_nothing_is_loaded_from_elsewhere(site):
     assert (site / "_static" / "tex-svg-full.js").exists()
 
 
+def test_the_glossary_is_printed_on_one_sheet(site, browser):
+    page = browser.new_page()
+    page.goto((site / "tutorials" / "glossary.html").as_uri())
+    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4"))) <= 2
+    page.close()
+
+
 def test_what_students_get_holds_no_solutions(site, tmp_path):
     """Neither the sources of the course, nor the teaching guide, nor an answer in a how-to.
 
