@@ -48,6 +48,22 @@ def test_what_trial_readings_took_stands_next_to_what_is_planned():
     assert [int(n) for n in planned.groups()] == [sum(int(found[1]) for found in read), own]
 
 
+def test_the_index_has_the_minutes_of_the_exercises_and_the_core_that_the_plan_has():
+    parts = [part for _, _, parts in tables.sessions("three_afternoons") for part in parts]
+    core = {number for *_, numbers in parts for number in numbers}
+    index = (DOCS / "tutorials" / "index.md").read_text()
+    rows = re.findall(r"^\| \[(\d+) · .* \| ([^|]+) \|$", index, re.M)
+    assert (
+        len(rows) == 15
+        and 80 <= sum(o.minutes for o in EXERCISES.values() if o.number in core) <= 100
+    )
+    for notebook, said in rows:
+        own = [one for one in EXERCISES.values() if one.number.split(".")[0] == notebook]
+        marked = ", ".join(one.number for one in own if one.number in core)
+        planned = f"{sum(one.minutes for one in own)} min" if own else "the project"
+        assert said == planned + (f", core: {marked}" if marked else "")
+
+
 def test_every_exercise_has_its_goals():
     rows = [line.split(" | ") for line in tables.exercises().splitlines()[2:]]
     assert len(rows) == len(EXERCISES)
