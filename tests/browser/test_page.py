@@ -195,7 +195,9 @@ def test_no_barriers(page):
 
 def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(browser, address):
     with visiting(browser, f"{address}#stage=") as page:
-        expect(page.locator(".refusal")).to_contain_text("this address is not a link to a stage")
+        expect(page.locator(".refusal")).to_contain_text(
+            "this address is not a link to a page of the labs"
+        )
         caption = page.locator(".caption")
         expect(caption).to_contain_text("Two drones, one mission")
         assert page.locator(".tool h2").evaluate(
@@ -326,6 +328,9 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
     page.locator(".map svg").focus()
     page.keyboard.press("ArrowUp")
     expect(page.locator(".sentence")).to_contain_text("Row 5, column 6")
+    page.locator(".ledger .term").first.focus()
+    expect(page.locator(".sentence")).to_contain_text("Row 5, column 6")  # the last one stays
+    expect(page.locator(".ledger .term:focus")).to_have_count(1)
     open_tool(page, "Watch")
     assert (
         page.locator(".tool").evaluate("each => each.querySelectorAll('.curves [tabindex]').length")
@@ -337,6 +342,8 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
         page.keyboard.press(key)
         expect(page.locator(".flies")).to_contain_text(said)
         expect(page.locator(".curves:focus")).to_have_count(1)
+    page.keyboard.press("End")
+    expect(page.locator(".orange .dot").last).to_have_class("dot on")
     expect(page.locator("[data-set='city']")).to_have_value("village")
 
 

@@ -105,6 +105,8 @@ def test_sentences_speak_to_the_reader(modules):
         others: { brings: 3, idle: 2 }, stretches: [], hovers: 0, turns: 0 },
       { kind: "spends", who: one, spent: { brings: 1, idle: 40 }, other: you,
         others: { brings: 3, idle: 2 }, stretches: [[3, 8], [20, 25]], hovers: 5, turns: 7 },
+      { kind: "spends", who: { ...one, thinks: true }, spent: { brings: 1, idle: 40 }, other: you,
+        others: { brings: 3, idle: 2 }, stretches: [[3, 8]], hovers: 5, turns: 0 },
       { kind: "leaves", unused: 0,
         devices: [{ device: 0, more: 2.25 }, { device: 2, more: 2 }, { device: 1, more: -1 }],
         loser: { who: you, amount: 0.04, first: -1, last: 9 },
@@ -117,6 +119,8 @@ def test_sentences_speak_to_the_reader(modules):
         "one takes 3 and 2.",
         "Apart from landing, one takes 1 step that brings 0.1 units or more and 40 that do not, "
         "hovering or flying to and fro in steps 4–9 and 21–26; you take 3 and 2.",
+        "Apart from landing, one takes 1 step that brings 0.1 units or more and 40 that do not, "
+        "hovering in steps 4–9; you take 3 and 2. Think shows what it expected there.",
         "In the end you leave 2.3 units more at device 0, 2.0 at device 2 and 1.0 less at device 1."
         " At device 0, one collects 2.3 units in step 5; you collect less than 0.1 units.",
         "One wins, because you crash: all that was collected is lost.",
@@ -312,15 +316,21 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
         "30 of 100 missions landed at the point before, 92 at this one."
     )
     forgot = "Earlier, after 5,000 steps, 93 landed, but it forgot how."
-    fall = "After 5,000 steps blue brings 93 % of the data home, but after 10,000 only 30 %."
     never = "Orange has not learned to land for good."
-    falls = "After 5,000 steps orange brings 90 % of the data home, but after 10,000 only 0 %."
+    fall, falls = (
+        f"After 5,000 steps {run} % of the data home, but after 10,000 only {now} %: it lands in "
+        f"{now} of 100 missions, not in {before} (choose “collected and landed” to see it)."
+        for run, before, now in (("blue brings 93", 93, 30), ("orange brings 90", 90, 0))
+    )
     brings = "lands in {0} of 100 missions and brings {0} % of the data home"
     end = f"Blue wins: blue {brings.format(92)}; orange {brings.format(0)}."
     assert told(modules, blue, orange) == [first, forgot, fall, never, falls, end]
     assert told(modules, orange, blue)[-1].startswith("Orange wins")
     assert told(modules, run_of(1, 0.5))[0] == "Blue lands from the start."
     assert told(modules, blue, blue)[-1].startswith("In the end: blue lands in 92")
+    better = run_of(0, 0.9, 1)
+    better["points"][2]["collected_and_landed"] = 0.5
+    assert "lands in 100 of 100 missions, not in 90, but collects less" in told(modules, better)[1]
     assert len(told(modules, run_of(0, 0.9, 0.87))) == 2  # hardly less is no fall
 
 

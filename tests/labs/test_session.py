@@ -196,7 +196,10 @@ def test_what_is_wrong_with_a_mission_is_said(tell):
         "Device 0 is sealed in: it cannot be seen from any cell that the UAV can reach.",
     ]
     tell("move", device=0, cell=[1, 6])
-    tell("move", device=-1, cell=[7, 0])
+    outside = tell("move", device=-1, cell=[7, 0])
+    assert "starts outside the landing zone" in outside["warnings"][-1]
+    absent = "The DDQN agent was not trained for this city, and cannot fly here."
+    assert outside["state"]["absent"] == absent
     short = tell("time", value=3)["warnings"][-1]
     assert short == "A flying time of 3 is too short: the way home alone takes 7."
     assert tell("city", name="village")["warnings"] == []
@@ -264,7 +267,11 @@ def test_a_device_that_is_chosen_while_a_duel_is_looked_for_stays_chosen(modules
         await Promise.all([duel, lab.hear({ kind: "look", device: 1 })]);
         return [lab.stage.device, lab.stage.mission.seed > 0];
     }"""
-    tell("city", name="manhattan")  # at least two devices in each mission
+    there = tell("city", name="manhattan")["state"]  # at least two devices in each mission
+    assert there["absent"] == ""
+    said = "device 0 cannot stand at row {}, column {}: device 1 is there"
+    cell = there["devices"][1]["cell"]
+    tell("move", device=0, cell=cell, refused=said.format(*cell))
     assert modules(script) == [1, True]
 
 
@@ -343,7 +350,7 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
 @pytest.mark.parametrize(
     ("entry", "value", "said"),
     [
-        ("version", 2, "neither a stage"),
+        ("version", 2, "neither a saved page"),
         ("tool", 7, "choose one of"),
         ("policies", ["greedy"], "give two names"),
         ("flown", "nx", "other letters"),
@@ -361,7 +368,7 @@ def test_a_file_with_a_wrong_entry_is_refused(opened, saved, entry, value, said)
 
 def test_what_is_no_file_of_the_labs_is_refused(opened):
     opened("photo.jpg", b"\xff\xd8{", refused=r"(.json), a city (.png) or an agent (.safetensors)")
-    opened("a.json", [1], refused="neither a stage nor a mission")
+    opened("a.json", [1], refused="neither a saved page nor a mission")
     opened("a.json", b" " * 1_000_001, refused="too large")
 
 

@@ -15,7 +15,7 @@ import { LETTERS, YOU } from "./state.js";
 export function whoIs(name, agents) {
   if (name === YOU) return { name, title: "you", subject: "you", you: true };
   const { title = name, subject = name } = agents[name] ?? {};
-  return { name, title, subject, you: false };
+  return { name, title, subject, you: false, thinks: name in agents };
 }
 
 /** The flights of one mission, each flown when it is first asked for. */
@@ -134,6 +134,7 @@ export function warnings(environment, { city, start, devices, flyingTime }) {
     if (!heard) facts.push({ kind: "unheard", device });
     else if (!city.noFly[cell] && !reached(cell)) facts.push({ kind: "unreachable", device });
   });
+  if (!city.landing[city.cell(start)]) facts.push({ kind: "outside" });
   const home = environment.timeToLand[city.cell(start)];
   if (home > flyingTime) facts.push({ kind: "late", time: flyingTime, home });
   return facts;

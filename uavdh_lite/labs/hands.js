@@ -203,7 +203,7 @@ export function attend(stage) {
     }
     if (device >= 0 && ["Delete", "Backspace"].includes(key)) return () => ask({ kind: "remove", device: Number(device) });
     if (target.matches(".map svg")) return overMap(key, down, right);
-    if (target.matches(".curves")) return tool().keyed(stage, down, right);
+    if (target.matches(".curves")) return tool().keyed(stage, key, down, right);
     const presses = key === " " && target.matches("button:not([role=tab])");
     const steer = tool().keys?.[key];
     if (!steer || presses) return null;

@@ -329,8 +329,8 @@ export function readAgent(bytes) {
     }
     if (tensors.cities) tensors.cities = tensors.cities.values;
     return new Agent(about, tensors);
-  } catch (error) {
-    throw new InputError(`not an agent of this package, or a damaged file (${error.message})`);
+  } catch {
+    throw new InputError("not an agent of this package, or a damaged file");
   }
 }
 

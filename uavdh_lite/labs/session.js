@@ -191,6 +191,9 @@ export class Session {
     const { mission, ...look } = this.stage;
     const cities = Object.keys(this.shelf.cities);
     const names = [...this.known(mission.city), ...(look.flown ? [YOU] : [])];
+    const known = names.map((name) => whoIs(name, this.agents));
+    const agents = Object.values(this.agents).filter(({ title }) => title && known.every((each) => each.title !== title));
+    const absent = [...new Set(agents.map(({ subject }) => subject))];
     return {
       ...look,
       city: mission.city.name,
@@ -199,7 +202,8 @@ export class Session {
       devices: mission.devices.map((cell, k) => ({ cell, data: mission.data[k] })),
       most: mission.maxDevices,
       flyingTime: mission.flyingTime,
-      known: names.map((name) => [name, whoIs(name, this.agents).title]),
+      known: known.map(({ name, title }) => [name, title]),
+      absent: absent.length ? sentence({ kind: "absent", absent }) : "",
       undo: Boolean(this.history[this.next(-1)]),
       redo: Boolean(this.history[this.next(1)]),
     };
@@ -390,7 +394,8 @@ export class Session {
       if (!you.ended) return;
       const ghost = numbers(hangar.flight(this.ghost));
       const { city, flyingTime } = stage.mission;
-      const rank = { city: city.name, time: flyingTime, ...you, ahead: you.return - ghost.return };
+      const [mine, its] = [you, ghost].map((each) => Number(each.return.toFixed(1))); // as they are shown
+      const rank = { city: city.name, time: flyingTime, ...you, ahead: mine - its };
       this.ranking = [...this.ranking, rank].sort((one, other) => other.ahead - one.ahead);
     },
     /** The next mission in which the first policy wins (1), loses (−1), or is level (0). */

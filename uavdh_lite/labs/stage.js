@@ -37,8 +37,8 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
         <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label>
         <label>or a link <input type="text" data-set="link" placeholder="…#${LINK}…"></label>
         <button type="button" class="copy" data-name="Copy the link">Copy the link</button></div>
-      <p>Save keeps the city, the mission, the rivals and the step in a file. Open reads such a file, a mission, a city's
-      PNG or an agent's checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
+      <p>Save keeps the city, the mission, the rivals and the step in a file; the mission alone has neither rivals nor
+      step. Open reads such a file, a mission, a city's PNG or an agent's checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
       and move them with the arrow keys; Delete removes a device.</p></dialog>
     <div class="notice refusal" role="alert"></div>
     <div class="notice busy" role="status" hidden><span></span><progress></progress>
@@ -132,7 +132,7 @@ export function draw(el, model) {
     openLink(text, here = false) {
       const there = text.split(LINK)[1]?.trim();
       if (there) stage.ask({ kind: "open", link: there, here });
-      else if (text) stage.refuse(`Not done: ${here ? "this address" : "this"} is not a link to a stage, which has letters after #${LINK}.`);
+      else if (text) stage.refuse(`Not done: ${here ? "this address" : "this"} is not a link to a page of the labs, which has letters after #${LINK}.`);
       return Boolean(there);
     },
   };
@@ -210,6 +210,7 @@ export function draw(el, model) {
     for (const map of el.querySelectorAll(".map svg")) {
       map.setAttribute("role", cursor ? "application" : "group");
       if (!cursor) continue;
+      if (tool === "paint") map.nextElementSibling.setAttribute("aria-live", "polite"); // Channel has its sentence
       map.setAttribute("tabindex", "0");
       map.setAttribute("aria-label", `map: ${cursor}`);
     }

@@ -71,7 +71,7 @@ export function stageAsJson({ mission, ...look }) {
 
 /** The stage of a saved file, or of a mission's file. */
 export function readFile(text, shelf) {
-  require(text.length <= LARGEST, "this file is too large for a stage or a mission");
+  require(text.length <= LARGEST, "this file is too large for a saved page or a mission");
   let values = null;
   try {
     values = JSON.parse(text.replace(/^\ufeff/, ""));
@@ -79,7 +79,7 @@ export function readFile(text, shelf) {
     throw new InputError("this is not a file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)");
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
-  require(values?.format === FORMAT && values.version === 1, "this file holds neither a stage nor a mission");
+  require(values?.format === FORMAT && values.version === 1, "this file holds neither a saved page nor a mission");
   const { policies, tool, flown, step, device } = values;
   const mission = missionFromJson(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
@@ -165,8 +165,13 @@ const change = (stage, shelf, changes) => withMission(stage, stage.mission.with(
 export const CHANGES = {
   city: (stage, { name }, shelf) => overCity(stage, shelf.cities[name], shelf),
   /** Moves a device, or with −1 the start. */
-  move: (stage, { device, cell }, shelf) =>
-    change(stage, shelf, device < 0 ? { start: cell } : { devices: put(stage.mission.devices, device, cell) }),
+  move(stage, { device, cell }, shelf) {
+    if (device < 0) return change(stage, shelf, { start: cell });
+    const { devices } = stage.mission;
+    const there = devices.findIndex((each, k) => k !== device && String(each) === String(cell));
+    require(there < 0, `device ${device} cannot stand at row ${cell[0]}, column ${cell[1]}: device ${there} is there`);
+    return change(stage, shelf, { devices: put(devices, device, cell) });
+  },
   data: (stage, { device, value }, shelf) => change(stage, shelf, { data: put(stage.mission.data, device, value) }),
   time: (stage, { value }, shelf) => change(stage, shelf, { flyingTime: value }),
   add: (stage, { cell }, shelf) =>

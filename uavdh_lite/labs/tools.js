@@ -5,23 +5,24 @@ import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, scaleOf, tiles } from
 import { RUNS, gapOf, grouped, signed, timeUnits, units, upper } from "./words.js";
 
 const WORDS = {
-  UAV: "the drone: it flies 10 m above the ground, one cell in a step",
+  UAV: "the drone: it flies 10 m above the ground, one cell of 10 m in a step",
   shadow: "cells that a building hides from a device: the radio link is much weaker there",
   greedy: "a simple rule: fly to the nearest device with data, and home in time",
   random: "every action is equally likely",
   "data units": "what the devices have for the UAV to collect",
-  return: "the sum of rewards: each unit of data counts 1, each step −0.2 (a landing nothing), a refused action −1, a crash −150",
+  return: "the sum of rewards: each unit of data counts 1, each step −0.2 (a landing nothing), a refused action −1, a crash −150; data counts even if a crash loses it",
   landed: "the share of missions that ended with a landing in time",
-  fading: "random changes of the radio link: the same draws for all who fly a mission",
+  fading: "random changes of the radio link, by their standard deviation; the draws are the same for all who fly a mission",
   "Q-value": "the return that the agent expects from here on if it takes this action now; later rewards count less, so it is usually below their plain sum",
   score: "how surely the planner that the agent copied would take this action",
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
   dB: "decibels, a logarithmic scale: 10 dB are a factor of ten, 20 dB a factor of a hundred",
-  slot: "a quarter of a step; each goes to the device that is heard best among those with data left",
+  slot: "a quarter of a step; each goes to the device that is heard best among those with data left, and brings log2(1 + SNR) units, where −20 dB are an SNR of 0.01, and 10 dB one of 10",
   value: "the Q-value or score of the best action if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
   ghost: "the flight of your rival in the same mission, with the same fading, as far as you have come",
-  "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance grows tenfold",
+  "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance grows tenfold; a cell is 10 m wide, and the UAV flies 10 m above the ground",
+  "hidden by buildings": "what the signal loses in addition without a line of sight: the more, the longer its way, however many buildings are in between",
   layer: "a map laid over the city: one of five that the network sees, or the value of each cell",
   "DDQN agent": "a neural network that learned from its own trials, by a strengthened form of double deep Q-learning",
   "imitation agent": "a neural network that first learned to copy a planner and then learned from its own trials; a failsafe brings it home in time",
@@ -136,8 +137,8 @@ export const TOOLS = {
       return `<b>Refused: ${action}</b>, ${why}. One unit of time is gone.`;
     },
     help: (you, rival) => `<h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
-      <p>Collect the ${term("data units", "data")} and land on a blue cell in time. Arrow keys move, space hovers, L lands; or
-      press the buttons; ↶ takes a move back. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
+      <p>Collect the ${term("data units", "data")} and land on a blue cell in time. Press the
+      buttons, or keys: arrows move, space hovers, L lands; ↶ takes a move back. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
     card(you, ghost, rival, no) {
       const ahead = you.return - ghost.return;
       const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} step${each.steps === 1 ? "" : "s"}`;
@@ -178,7 +179,7 @@ export const TOOLS = {
       return `<h2>${explained(verdict)}</h2><p class="why">${explained(why.join(" "))}</p>
         <div class="row">${go}</div>
         <div class="row">Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
-        <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}</div>
+        <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}<small>${escaped(scene.state.absent)}</small></div>
         <table>${flown}${average(scene)}</table><div class="row">${manyButton}${ring}</div>`;
     },
     over({ film, panel }, k) {
@@ -265,21 +266,23 @@ export const TOOLS = {
       return `<div role="status"><h2 class="sentence"></h2></div><table class="ledger"></table>
         <div class="row">${state.devices.map(device).join("")}</div>
         ${ramp(`${low} dB`.replace("-", "−"), `${high} dB`, `${upper(term("SNR"))} from device ${panel.device} over each cell, without
-          ${term("fading")}. Point at a cell to see its link, or move there with Tab and the arrow keys. White line: the edge of the
+          ${term("fading")}. Point at a cell or touch it to see its link, or move there with Tab and the arrow keys. White line: the edge of the
           ${term("shadow", "shadows")}, which are on its darker side.`)}`;
     },
     under: ({ film, panel: { snr, range: [low, high] } }) =>
       heat(snr, film.city.length, (value) => colourOf((value - low) / (high - low)), 0.9),
     over: ({ film, panel }) => `${outline(panel.building, film.city.length, (each) => each > 1e-6)}<path class="ray"/>`,
     point(stage, { panel, state, film }, cell) {
-      const [row, col] = cell ?? panel.dearest;
+      if (cell || this.city !== String(film.city)) [this.cell, this.city] = [cell, String(film.city)]; // the last one stays
+      const [row, col] = this.cell ?? panel.dearest;
       const number = row * film.city.length + col;
       const [y, x] = state.devices[panel.device].cell;
       const cost = panel.building[number];
       const hidden = cost > 1e-6;
       stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
       stage.find(".ray")?.classList.toggle("blocked", hidden);
-      const there = KINDS[film.city[row][col]]?.name ?? "open ground";
+      const sign = film.city[row][col];
+      const there = `${KINDS[sign]?.name ?? "open ground"}${"BN".includes(sign) ? ", where no UAV may fly" : ""}`;
       const head = hidden ? `Hidden by buildings: they cost ${cost.toFixed(1)} ${term("dB")}.` : "In sight.";
       const instead = hidden ? ` instead of ${units(panel.free[number])}` : "";
       const traced = panel.traced ? ` in the model; ${units(panel.traced.rate[number])} in flights` : "";
@@ -288,7 +291,7 @@ export const TOOLS = {
       const lines = [
         ["signal at 1 m", signed(panel.transmit)],
         [`${term("path loss")} over ${panel.distance[number].toFixed(0)} m`, `−${signed(panel.pathLoss[number])}`],
-        ["buildings in between", hidden ? `−${signed(cost)}` : "0.0"],
+        [term("hidden by buildings"), hidden ? `−${signed(cost)}` : "0.0"],
         [term("SNR"), signed(panel.snr[number])],
         [term("fading"), `± ${panel.fading[Number(!hidden)].toFixed(1)}`],
       ];
@@ -315,7 +318,7 @@ export const TOOLS = {
         <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
         <table>${average(scene)}</table>
-        <div class="row">${choosePolicy(scene, 0, "first")}${choosePolicy(scene, 1, "second")}</div>`;
+        <div class="row">${choosePolicy(scene, 0, "first")}${choosePolicy(scene, 1, "second")}<small>${escaped(scene.state.absent)}</small></div>`;
     },
     over: () => '<path class="shadow live"/><path class="fresh"/>',
     point(stage, { panel }, cell) {
@@ -357,9 +360,9 @@ export const TOOLS = {
       this.drawn = String(chosen);
       return before !== this.drawn;
     },
-    /** Arrow keys over the curves go from point to point, and from run to run. */
-    keyed({ scene: { panel: { runs, point } }, ask }, down, right) {
-      if (down === undefined) return null;
+    /** Keys over the curves go from point to point, and from run to run. */
+    keyed({ scene: { panel: { runs, point } }, ask }, key, down = 0, right = { Home: -Infinity, End: Infinity }[key]) {
+      if (right === undefined) return null;
       const [run, k] = point ?? [0, right > 0 ? -1 : runs[0].points.length];
       const other = Math.min(Math.max(run + down, 0), runs.length - 1);
       const there = Math.min(Math.max(k + right, 0), runs[other].points.length - 1);
@@ -426,7 +429,7 @@ function curves({ runs, point }, metric) {
     return `<g class="${RUNS[run]}">${here}<path class="curve" d="${d}" pathLength="1"/>${points.map(dot).join("")}</g>`;
   };
   const told = point ? about(...point) : "no point chosen";
-  return `<svg class="curves" viewBox="0 0 ${width} ${height}" role="slider" tabindex="0" aria-label="points of the curves"
+  return `<svg class="curves" viewBox="0 0 ${width} ${height}" role="slider" tabindex="0" aria-label="points of the curves; up and down: the other curve"
     aria-valuemin="1" aria-valuemax="${runs[0].points.length}" aria-valuenow="${point ? point[1] + 1 : 1}" aria-valuetext="${escaped(told)}">
     ${ticks.join("")}${times.join("")}<text x="${width - 12}" y="${height - 8}">${grouped(steps)} steps</text>
     ${runs.map(drawn).reverse().join("")}</svg>`;

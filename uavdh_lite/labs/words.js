@@ -7,6 +7,7 @@
  * @property {string} title as in a table: `DDQN agent`
  * @property {string} subject as in a sentence: `the DDQN agent`
  * @property {boolean} you whether it is the reader, whose verbs have no s
+ * @property {boolean} [thinks] whether it is an agent, which the tool Think shows
  */
 
 const IRREGULAR = { has: "have", goes: "go", crashes: "crash", flies: "fly", hovers: "hover", is: "are" };
@@ -66,7 +67,7 @@ const TEMPLATES = {
     const where = does && `, ${does} in steps ${listed(stretches.map(([first, last]) => `${first + 1}–${last + 1}`))}`;
     return `Apart from landing, ${says(who, "takes", `${steps(spent.brings)} that ${spent.brings === 1 ? "brings" : "bring"} 0.1 units or more`)} ` +
       `and ${spent.idle} that ${spent.idle === 1 ? "does" : "do"} not` +
-      `${where}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.`;
+      `${where}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.${does && who.thinks ? " Think shows what it expected there." : ""}`;
   },
   leaves({ devices, unused, loser, winner }) {
     const left = devices.map(({ device, more }, k) =>
@@ -95,8 +96,12 @@ const TEMPLATES = {
   kink: ({ run, steps, before, now, episodes }) =>
     `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} missions landed at the point before, ${now} at this one.`,
   forgot: ({ steps, landed }) => `Earlier, after ${grouped(steps)} steps, ${landed} landed, but it forgot how.`,
-  falls: ({ run, from, to }) =>
-    `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, but after ${grouped(to.steps)} only ${to.home}\u00a0%.`,
+  falls({ run, from, to, episodes }) {
+    const lands = to.landed === from.landed ? "it lands as often" : `it lands in ${to.landed} of ${episodes} missions, not in ${from.landed}`;
+    const less = to.landed < from.landed ? "" : ", but collects less before";
+    return `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, but after ${grouped(to.steps)} only ` +
+      `${to.home}\u00a0%: ${lands}${less} (choose “collected and landed” to see it).`;
+  },
   point: ({ episodes, landed, home }) =>
     `Over ${episodes} missions that it did not learn from, it lands in ${landed} and brings ${home}\u00a0% of the data home.`,
   ends({ ends, wins, episodes }) {
@@ -104,7 +109,9 @@ const TEMPLATES = {
     return `${wins === null ? "In the end" : `${upper(RUNS[wins])} wins`}: ${told.join("; ")}.`;
   },
 
-  // What is wrong with a mission or a city
+  // What is odd about a mission or a city
+  absent: ({ absent }) => `${upper(listed(absent))} ${absent.length > 1 ? "were" : "was"} not trained for this city, and cannot fly here.`,
+  outside: () => "This mission starts outside the landing zone; random missions start in it.",
   sealed: ({ cells, where: [row, col] }) =>
     `No way leads from the landing zone to ${cells === 1 ? "a cell" : `${cells} cells`} of this city${cells === 1 ? "," : ", such as"} row ${row}, column ${col}.`,
   unreachable: ({ device }) => `No way leads to device ${device}: it can only be heard from afar.`,
