@@ -118,7 +118,7 @@ for name, values in flights.records().items():
 # | `landed` | 1 if the UAV landed in time, else 0 |
 # | `collected` | the collected share of all data, from 0 to 1 |
 # | `collected_and_landed` | the product of these two |
-# | `return` | the sum of all rewards: data collected, minus a cost for each step, minus penalties |
+# | `return` | the sum of all rewards: data collected, minus 0.2 for each step, minus penalties |
 # | `time_used` | the share of the flying time that was used |
 # | `safety_interventions` | how often a forbidden action was refused |
 #
@@ -135,9 +135,9 @@ for name, values in flights.records().items():
 # ## 0.3 Set a mission yourself
 #
 # A mission over this city has two to five devices and 35 to 70 units of time. Each device holds 5
-# to 20 data units. All of this is drawn at random, and so are the positions of the devices and the
-# start, which is one of the eight landing cells. The agent flies any such mission without further
-# training.
+# to 20 data units (notebook 1 defines them). All of this is drawn at random, and so are the
+# positions of the devices and the start, which is one of the eight landing cells. The agent flies
+# any such mission without further training.
 #
 # Put three devices wherever you like, except on a building or in a landing zone. A position is a
 # pair of numbers, row and column, which are counted from 0 at the top left corner:

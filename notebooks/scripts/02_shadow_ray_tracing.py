@@ -111,16 +111,17 @@ figure
 # misses it. **That is the whole test.**
 #
 # A program need not look at all four corners, because the number in the middle of the cell is
-# enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (not doubled this time). From
-# there to a corner, row and column change by ½ each, so the number changes by at most
-# $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly that, up at one and down at the
-# other. One of these corners is therefore plus and the other minus, and the ray crosses the cell.
-# In the middle of cell (0, 2) the number is 4. A change of 3.5 cannot take it below 0, so the ray
-# misses this cell. In general:
+# enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (the drawing doubles its
+# numbers, this one is not doubled). From there to a corner, row and column change by ½ each, so the
+# number changes by at most $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly that,
+# up at one and down at the other. One of these corners is therefore plus and the other minus, and
+# the ray crosses the cell. In the middle of cell (0, 2) the number is 4. A change of 3.5 cannot
+# take it below 0, so the ray misses this cell. In general:
 #
 # $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{|R| + |C|}{2}.$$
 #
-# Here is the test for all cells at once, with both sides doubled:
+# Here is the test for all cells at once. Both sides of the inequality are doubled, so that they are
+# whole numbers:
 
 # %%
 r, c = np.indices((R + 1, C + 1))

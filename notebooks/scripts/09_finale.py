@@ -209,7 +209,7 @@ for name, values in ladder.items():
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
 # | guarantee | the map, and that it is right | collect data; it only lands |
-# | tell | the map and the constants of the channel | help agents that learn from reward alone, as far as short runs of an earlier program in a single city show (notebook 12) |
+# | tell | the map and the constants of the channel | help agents that learn from reward alone: it did not in short runs over one city, with an earlier program (notebook 12) |
 # | copy | a planner, that is, all equations and a search | be expected to beat its teacher |
 # | learn on | nothing but the reward | learn quickly from nothing: few flights of a random agent are good, and each is used only once or a few times |
 #

@@ -383,7 +383,8 @@ for name in MAY_CHANGE:
 #
 # Begin with a crash that costs a few data units, about as much as a step brings in, and let the
 # cost grow to crash_reward_end. Explore more while the Q-values are still wrong (temperature about
-# 1), limit the pull of large errors (huber_delta), and use all the steps.
+# 1), and use all the steps. The other settings need not change, though a limit to the pull of large
+# errors (huber_delta) is worth a try.
 # </details>
 
 # %%
