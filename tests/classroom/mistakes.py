@@ -2,7 +2,7 @@
 
 import copy
 import math
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 import torch
@@ -170,6 +170,12 @@ class OneLess(_Base):
         return [self.places[(self.count - 1) % self.capacity], *(self.places[k] for k in rest)]
 
 
+def remembering(right, key):
+    """An answer that looks up what it gave to a case with the same key."""
+    given = {}
+    return lambda *case: given.setdefault(key(*case), right(*case))
+
+
 def all_n(rewards, terminals, values, n, discount):
     total = 0.0
     for k in range(n):
@@ -319,6 +325,10 @@ def splits(a, b):
         yield np.mean([everything[k] for k in chosen]) - np.mean(rest)
 
 
+def share_as_large(found, observed, rtol=0):
+    return np.mean([abs(d) >= abs(observed) * (1 - rtol) - 1e-9 for d in found])
+
+
 def values_for_positions(a, b):
     everything, found = [*a, *b], []
     for chosen in combinations(everything, len(a)):
@@ -346,6 +356,18 @@ def landing_in_the_zone(distance, next_cell, cell, time_left):
     in_time = moves_home(distance)[next_cell[cell]] + 2 <= time_left[:, None]
     in_time[:, 5] = distance[cell] == 0
     return in_time
+
+
+def looks_up_the_way_home(distance, *case, known={}):  # noqa: B006
+    return checks.failsafe_mask.solution(known.setdefault(len(distance), distance), *case)
+
+
+def sizes_of_correlation(left_db, step_m):
+    off = left_db - left_db.mean()
+    for k in range(1, len(off)):
+        if abs(np.mean(off[k:] * off[:-k])) / np.mean(off**2) < 1 / np.e:
+            return k * step_m
+    return len(off) * step_m
 
 
 def half_width(values, city, power=0.5, per=None, correct=True):
@@ -389,11 +411,12 @@ def by_hand(flight, step, reward):
     return lambda: given
 
 
-def faded(chance):
-    """The mean rate with other chance than that of the generator."""
+def faded(chance, most=10**9, law="normal"):
+    """The mean rate with other chance than that of the generator, or of fewer slots."""
 
     def mean_rate(snr_db, variance, draws, generator):
-        return to_rate(snr_db + chance(generator).normal(0, variance**0.5, draws)).mean()
+        scale = variance**0.5 * (1 if law == "normal" else 3**0.5 / math.pi)
+        return to_rate(snr_db + getattr(chance(generator), law)(0, scale, min(draws, most))).mean()
 
     return mean_rate
 
@@ -430,6 +453,8 @@ MISTAKES = {
     "same_path_loss": [(lambda d: d ** (2.27 / 3.64), "in sight is the longer")],
     "mean_rate": [
         (faded(lambda _: np.random.default_rng(0)), "passed in"),
+        (faded(lambda generator: generator, most=100_000), "400,000 only about 10"),
+        (faded(lambda generator: generator, law="logistic"), "If it is normal"),
         (lambda snr, var, n, g: to_rate(snr + g.normal(0, var**0.5)), "Simulate `draws` slots"),
         (
             lambda snr, var, n, g: (to_rate(snr) + g.normal(0, var**0.5, n)).mean(),
@@ -441,9 +466,17 @@ MISTAKES = {
         (lambda *case: inside(*case) and np.less(*doubled_distance(*case)), "by itself"),
         (sampled, "cut off a tiny corner"),
         (inside, "must be near the line"),
+        (
+            lambda *case: (
+                inside(*case)
+                and (case[0] == case[1] or np.less(*doubled_distance(*np.array(case, np.int32))))
+            ),
+            "32-bit",
+        ),
     ],
     "shadow_map": [
         (lambda b, d: b.copy(), "hides everything behind it"),
+        (remembering(checks.shadow_map.solution, lambda b, d: d), "must not depend on earlier"),
     ],
     "asymmetric_share": [
         (lambda s: (s != s.T).mean(), r"no pair with itself, \[i, j, i, j\]"),
@@ -481,6 +514,7 @@ MISTAKES = {
     "fitted_line": [
         (stops_early, "even if the loss grows"),
         (one_after_the_other, "Compute both slopes first"),
+        (lambda *c: checks.fitted_line.solution(*c[:3], min(c[3], 1000)), r"0\.002, 2000\)"),
         (lambda x, y, rate, steps: (0.0, 0.0), "rate times its slope"),
         (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, rate, 1), "without a step"),
     ],
@@ -568,6 +602,7 @@ MISTAKES = {
     "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
     "n_step_return": [
         (_value_after_the_end, "no value is added"),
+        (lambda r, t, v, n, d: checks.n_step_return.solution(r, t, v, min(n, 20), d), "30, 0.95"),
         (all_n, r"IndexError.*in line \d+, `.*`\. Where fewer than n steps are stored, m = T"),
     ],
     "village_dqn": [
@@ -583,12 +618,24 @@ MISTAKES = {
     "mended_recipe": [({"crash_reward": -2.0}, "Hand over a Recipe")],
     "steps_to": [
         (lambda s, v, t: stays_above(s, v, t, np.greater), "that equals the threshold"),
+        (
+            lambda s, v, t: next((s[k] for k in range(len(s)) if min(v[k : k + 3]) >= t), None),
+            "up to the last one",
+        ),
     ],
     "lead": [
         (lambda a, b: lead_of(a - b, len(a) - 1), "1.96 standard errors"),
     ],
     "permutation_p": [
         (values_for_positions, "deal out positions"),
+        (
+            lambda a, b: share_as_large(islice(splits(a, b), 1000), np.mean(a) - np.mean(b)),
+            "groups may differ in size",
+        ),
+        (
+            lambda a, b: share_as_large(splits(a, b), np.mean(a) - np.mean(b), rtol=1e-5),
+            "however little they differ",
+        ),
         (
             lambda a, b: sum(abs(d) >= abs(np.mean(a - b)) for d in splits(a, b)),
             "p is the share|stops",
@@ -597,6 +644,10 @@ MISTAKES = {
     "missions_needed": [
         (lambda share, crashes: int(share * 3.8416 / (1 - share)) + 1, "n − crashes of n missions"),
         (lambda share, crashes: 381, "smallest n at which"),
+        (
+            lambda *case: min(checks.missions_needed.solution(*case), 10_000),
+            "gives 10000, expected 11702",
+        ),
     ],
     "defeat": [
         ("L .\n. .", "it must have 16"),
@@ -622,6 +673,7 @@ MISTAKES = {
     "failsafe_mask": [
         (minus_one_is_near, "no way home, distance −1"),
         (landing_in_the_zone, "`land` outside the zone"),
+        (looks_up_the_way_home, "in any city"),
     ],
     "data_of_a_step": [
         (lambda rate, left: 4 * rate.max(0), "until it has nothing left"),
@@ -638,6 +690,8 @@ MISTAKES = {
     ],
     "shadow_reach": [
         (lambda left, step: step, "mean product of all pairs"),
+        (lambda *case: min(checks.shadow_reach.solution(*case), 200), "expected 510"),
+        (sizes_of_correlation, "A ρ below 0 is"),
     ],
     "corrected": [
         (lambda line, heard, w: np.average(heard, weights=w), "Add to the line|stops with"),

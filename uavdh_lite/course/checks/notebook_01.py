@@ -48,9 +48,7 @@ LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
         "The loss 10 α log10(d) with α_LoS at your distance must equal the loss with α_NLoS at the "
         "distance given. Behind a building the loss grows faster, so the distance in sight is the "
         "longer one. Do not round the exponents' ratio.": [20.0, 2.0, 55, 7.5, 1000.0],
-        "Both losses are 0 dB at 1 m; below 1 m, the distance in sight is the shorter one.": [
-            1.0, 0.5, 0.03
-        ],
+        "Both losses are 0 dB at 1 m, so there the two distances are equal.": [1.0],
     },
     mistakes={
         "As a ratio, the loss is d ** α, so the ratio of the exponents belongs in the exponent, "
@@ -89,12 +87,25 @@ def scatters_wrongly(answer) -> str:
     one, other, again = (answer(0.0, 5.0, 9, stream(Use.EXERCISE, seed)) for seed in (0, 2, 0))
     if one != again or one == other:
         return "All random numbers must come from the generator that is passed in."
-    for draws in (1, 40):
-        few = [answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in range(1000)]
+    used, whole = (stream(Use.EXERCISE, 0).bit_generator for _ in range(2))
+    answer(0.0, 5.0, MANY, np.random.Generator(used))
+    drawn = np.flatnonzero(whole.random_raw(MANY // 3) == used.random_raw())  # where it stopped
+    if drawn.size and drawn[0] > 9:  # fewer may be the seed of another generator
+        said = f"For draws = {MANY:,} only about {drawn[0]:,} random numbers are drawn"
+        return f"{said}: simulate `draws` slots, however many they are."
+    far = library_rate(12.0 + np.array([-3, 3]) * np.sqrt(2.0))
+    for draws, count in ((1, 6000), (40, 1000)):
+        few = np.array([
+            answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in range(count)
+        ])
         used = (exact(12.0, 2.0)[1] / (np.std(few) + 1e-12)) ** 2
         if not draws / 1.6 < used < 1.6 * draws:
             said = f"mean_rate(12, 2, {draws}, generator) is right on average, but scatters like a "
             return f"{said}mean of {show(used)}: simulate `draws` slots, each with its own fading."
+        outside = int(((few < far[0]) | (few > far[1])).sum())
+        if draws == 1 and not 1 <= outside <= 41:
+            said = f"In {outside} of {count:,} slots the fading is above three standard deviations"
+            return f"{said}. If it is normal, that happens in about 16."
     return ""
 
 

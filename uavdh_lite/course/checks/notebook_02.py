@@ -59,6 +59,10 @@ APART = [case for case in DRAWN if case not in TOUCHING]
         "along the ray miss such a corner: compare whole numbers.": [
             ((0, 0), (m, m + 1), cell) for m in (9, 100, 10**6) for cell in ((0, 1), (1, 0))
         ],
+        "A ray may be a million cells long. The products then exceed what 32-bit whole numbers can "
+        "hold, about 2.1 billion: take Python's own, or 64 bits.": [
+            ((0, 0), (10**6, 10**6), (0, col)) for col in (1500, 4295)
+        ],
     },
 )
 def crosses(start, end, cell):
@@ -97,7 +101,8 @@ def blocked(buildings, device, cell):
         ],
         "A building that the ray crosses hides everything behind it, and a UAV over a building is "
         "hidden, too: the map is True where the link is blocked.": [
-            (3, (2, 1), (1, 0), (1, 1), (1, 2)), (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
+            (1, (0, 0), (0, 0)), (3, (2, 1), (1, 0), (1, 1), (1, 2)),
+            (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
         ],
         "A ray through the corner that two diagonal buildings share is blocked. One that only "
         "touches one building at a corner is not.": [

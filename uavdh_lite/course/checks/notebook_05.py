@@ -25,6 +25,7 @@ def examples(count, rate, steps):
         "Every step begins where the last one ended, and moves w and b at the same time, with the "
         "errors from before the step, even if the loss grows.": [
             (2, 0.1, 2), (5, 0.05, 3), (8, 0.1, 40), (30, 0.3, 40), (4, 2.0, 3),
+            (6, 0.002, 2000),
         ],
     },
     mistakes={

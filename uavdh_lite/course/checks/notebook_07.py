@@ -179,6 +179,7 @@ def stored(length, ends, n, discount):
         "Reward k is multiplied by γ^k. After m rewards comes γ^m values[m], with the value of "
         "state m.": [
             (3, (), 2, 0.5), (3, (), 2, 1), (6, (), 2, 0.9), (6, (), 3, 0.8), (6, (), 5, 0.3),
+            (40, (), 30, 0.95),
         ],
         "A terminal step among the first m ends the sum with its own reward, and no value is "
         "added.": [

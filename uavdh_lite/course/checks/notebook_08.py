@@ -40,9 +40,9 @@ def random_curves():
             (RISES, 0.95), (RISES, 0.88), ([0.5], 0.6), ([0.9, 0.8], 0.85),
         ],
         "A value that equals the threshold has reached it: only a smaller one, by however little, "
-        "is below it. That holds for all curves and all distances between validations.": [
-            (RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7), *random_curves(),
-        ],
+        "is below it.": [(RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)],
+        "From the result on, all values must be at least the threshold, up to the last one, in any "
+        "curve and with any distances between validations.": list(random_curves()),
     },
     mistakes={
         "That is the first crossing. The curve falls back later: find where it begins to stay.": (
@@ -137,6 +137,7 @@ def groups(a, b, parts=1):
         "The groups may differ in size: the first group of each split is as large as a, and the "
         "difference is that of the means, not of sums.": [
             ([7], [1, 2, 4]), ([1, 2, 4, 9], [3]), (2, 4), (4, 3), (3, 2), (3, 5), (1, 6),
+            (7, 7),
         ],
         "Two equal values count as two: deal out positions, range(len(a) + len(b)), not values.": [
             ([1.0, 1.0, 6.0], [2.0, 8.0]), ([1, 2, 2], [2, 5]), ([3, 3], [3, 3]),
@@ -147,6 +148,7 @@ def groups(a, b, parts=1):
             ([0.5, 0.1], [0.4, 0.9, 0.2]), ([0.1, 0.7, 0.3], [0.2, 0.6, 0.4]),
             (3, 4, 100), (4, 3, 100), (2, 5, 100), (3, 3, 100), (4, 4, 100),
             ([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), ([0.5, 0.900001], [0.5, 0.9]),
+            ([100.0005], [50, 0]),
         ],
     },
     mistakes={

@@ -43,6 +43,7 @@ def simple_low_end(landed, missions):
         "With crashes, n − crashes of n missions land, so n must begin above the number of "
         "crashes.": [
             (0.99, 1), (0.9, 3), (0.95, 2), (0.5, 5), (0.2, 3), (0.998, 2), (0.97, 12), (0.05, 1),
+            (0.999, 5),
         ],
     },
     mistakes={

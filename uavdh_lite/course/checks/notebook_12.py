@@ -41,6 +41,7 @@ def situation(name, cell, time_left):
         "The mask must be right for all UAVs of a batch, each with its own time, in any city. A "
         "column of times is time_left[:, None].": [
             (CITY, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4),
+            (CITY[::-1], 12, 4),
         ],
     },
     mistakes={
