@@ -376,30 +376,24 @@ def ladder(scenario: str) -> str:
     for name, title in LADDER.items():
         if name not in found:
             if name in about["outstanding"][scenario]:
-                title = title.partition(":")[0]
-                rows.append([title, *[""] * (len(KNOWLEDGE) + 5), "*outstanding*"])
+                title, nothing = title.partition(":")[0], [""] * (len(KNOWLEDGE) + 5)
+                rows.append([title, "*outstanding*", *nothing])
             continue
         one = {key: values[found[name]] for key, values in table.items()}
         interval = lambda what: Interval(one[what], one[f"{what}_low"], one[f"{what}_high"])  # noqa: B023, E731
         seeds = int(one["seeds"]) if one["steps"] else ""
         ahead = "" if name == "greedy" else _number(interval("return_ahead"), 2)
-        knows = ["✓" if one[f"knows_{what}"] else "" for what in KNOWLEDGE]
-        rows.append([title.format(steps=f"{round(one['steps'], -3):,.0f}"), *knows, seeds])
-        rows[-1] += [int(one["missions"]), *(_percent(interval(m)) for m in ("landed", BOTH))]
+        rows.append([title.format(steps=f"{round(one['steps'], -3):,.0f}")])
+        rows[-1] += [_percent(interval(metric)) for metric in ("landed", BOTH)]
         rows[-1] += [_number(interval("return")), ahead]
+        rows[-1] += ["✓" if one[f"knows_{what}"] else "" for what in KNOWLEDGE]
+        rows[-1] += [seeds, int(one["missions"])]
     paper = [f"{100 * RESULTS[scenario][metric]:g} %" for metric in ("landed", BOTH)]
     knows = ["✓" if what in ("map", "reward") else "" for what in KNOWLEDGE]
-    rows.append(["the paper's agent, on its own map", *knows, 1, 1000, *paper, "", ""])
-    head = [
-        "pilot",
-        *KNOWLEDGE.values(),
-        "seeds",
-        "missions",
-        "landed",
-        "collected and landed",
-        "return",
-    ]
-    return f"{_table([*head, 'return, ahead of greedy'], rows)}\n{_made_with('ladder')}"
+    rows.append(["the paper's agent, on its own map", *paper, "", "", *knows, 1, 1000])
+    head = ["pilot", "landed", "collected and landed", "return", "return, ahead of greedy"]
+    head += [*KNOWLEDGE.values(), "seeds", "missions"]
+    return f"{_table(head, rows)}\n{_made_with('ladder')}"
 
 
 def outstanding(page: str = "") -> str:
