@@ -100,10 +100,10 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # with this property is a **Markov decision process** (MDP). It has five parts: the states, the
 # actions, the distribution $p$, the reward (3.3), and a discount, which says how much later rewards
 # count (notebook 6). Our world has the property because fading is drawn anew in every slot; if good
-# luck came in runs, the state would have to include past luck. The time left belongs in the state
-# for the same reason: it decides when the episode ends. If an agent sees only a part of such a
-# state, the process is *partially observable*, and the problem is called a **POMDP**. Such a
-# problem is usually harder, because it may help to remember what was seen earlier.
+# luck came in runs, the state would have to include past luck. The time left, too, has to be in the
+# state, because it decides when the episode ends. If an agent sees only a part of such a state, the
+# process is *partially observable*, and the problem is called a **POMDP**. Such a problem is
+# usually harder, because it may help to remember what was seen earlier.
 #
 # ## 3.3 What a step earns
 #
@@ -122,7 +122,7 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 #
 # The paper does not state these values; they are the defaults of the authors' code. For our agent
 # two of them were different: a step cost 0.1, and a crash cost little at first and 150 at the end
-# of training. Notebook 7 says why. Here are the rewards of greedy's flight, step by step:
+# of training (notebook 7). Here are the rewards of greedy's flight, step by step:
 
 # %%
 from matplotlib.figure import Figure

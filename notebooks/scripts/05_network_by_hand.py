@@ -115,7 +115,7 @@ ax.set(xlabel="weight", ylabel="loss");
 # **hyperparameter**.
 #
 # The slope in the code has the input, 3, as a factor. So the weight of an input of 70 takes far
-# longer steps than the weights of inputs near 1. Even an equal step moves the output 70 times as
+# larger steps than the weights of inputs near 1. Even an equal step moves the output 70 times as
 # far, so it overshoots first. Therefore data and flying time are scaled to small numbers.
 #
 # The slope of a squared error grows with the error, so a single error of 150 pulls at the weights

@@ -131,9 +131,9 @@ for gamma in (0.5, 0.95, 1.0):
 # is what we want?**
 #
 # - *Errors.* Each value is estimated from the next, which is estimated from the one after it, and
-#   so on. Each link adds an error, and $\gamma$ shrinks the errors from far away.
-# - *Noise.* Rewards fifty steps ahead depend on fifty draws of the fading and fifty actions still
-#   to be chosen, so they say little about which action is better *now*.
+#   so on. Each estimate adds an error, and $\gamma$ shrinks the errors from far away.
+# - *Noise.* Rewards fifty steps ahead depend on the fading in fifty steps and on fifty actions
+#   still to be chosen, so they say little about which action is better *now*.
 # - *Time.* With $\gamma=0.95$ news of a reward need not travel back more than a few dozen steps.
 #   With $\gamma=1$ it has to travel the whole flight.
 #

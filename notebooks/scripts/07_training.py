@@ -303,7 +303,8 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 # ## Recap
 #
 # - Training is a loop: act, step, add, sample, update. The agent makes its own data.
-# - In a validation the agent flies missions that training never uses, always with the best action.
+# - In a validation the agent flies missions that training never uses, and always takes the best
+#   action.
 # - Look at landed and collected together. The loss tells you least.
 # - With a large crash penalty from the start an agent may become lazy, and without one it has
 #   hardly any reason to come home.

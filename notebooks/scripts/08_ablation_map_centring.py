@@ -199,10 +199,10 @@ Quiz("three_seeds")
 # distribution. So there is probably a lead, but we hardly know its size. Over Manhattan it is the
 # reverse: the interval is far from 0, with $p$ at 10 %, so all rests on the normal distribution.
 #
-# If five parts of a recipe are taken away one by one, and none of them matters, at least one of the
-# five comparisons with the same full recipe still comes out below 5 % nearly one time in five. (If
-# the five were independent, it would be 23 %.) So name the main comparison beforehand, or ask for
-# 5 % divided by the number of comparisons (**Bonferroni**), or repeat the surprising one with new
+# If five parts of a recipe are taken away, each on its own, and none of them matters, at least one
+# of the five comparisons with the full recipe comes out below 5 % nearly one time in five. (If the
+# five were independent, it would be 23 %.) So name the main comparison beforehand, or ask for 5 %
+# divided by the number of comparisons (**Bonferroni**), or repeat the surprising one with new
 # seeds.
 #
 # And plan enough runs: to find a gap as large as $s$ at the 5 % level in four studies out of five,
@@ -226,10 +226,10 @@ for name, values in share.items():
 # %% [markdown]
 # These intervals are over missions, not runs. They come from the **bootstrap**, which draws 1000
 # results from these 1000 *with replacement* (some come twice, some not at all) and takes the mean.
-# It does so many times, and records how much the mean varies. For a share $p$ of yes-or-no results,
-# such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % of 1000 missions is 97 ± 1.1 %. So 96 % in 1000
-# *other* missions would not show a difference, because the gap of 1 point is known only to ± 1.6
-# points.
+# It repeats this many times, and records how much the mean varies. For a share $p$ of yes-or-no
+# results, such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % in 1000 missions means 97 ± 1.1 %. So 96 %
+# in 1000 *other* missions would not show a difference, because the gap of 1 point is known only to
+# ± 1.6 points.
 #
 # ### Paired differences
 #
@@ -308,7 +308,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # ## Recap
 #
 # - Change one thing, keep the rest, and run several seeds.
-# - One seed can show nearly anything: the runs are the sample. Several comparisons need a stricter
+# - One seed can show nearly anything: it is a sample of one. Several comparisons need a stricter
 #   level than one.
 # - Give every gap with its interval. If 0 is well inside it, the question is open; if 0 is near one
 #   end, neither answer is safe.

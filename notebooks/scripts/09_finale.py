@@ -267,10 +267,10 @@ for name, each in flown.items():
 # Nobody trained the agent for this city. The network sees the walls and zones around the UAV in the
 # centred map of the paper, and a wall to the north is a wall to the north in any city. That is what
 # the centring is good for in the end: in new cities, networks that saw the map in place brought
-# home about half as much ([notebook 13](13_any_city.ipynb)). And what the agent is told, the
-# expected data and the distances to home and from the UAV, is computed from your city's map. Is the
-# agent ahead of greedy here? Over many cities the race is narrow, and in a single city either may
-# win.
+# home about half as much ([notebook 13](13_any_city.ipynb)). And what the agent is told (the
+# expected data, and how far each cell is from home and from the UAV) is computed from your city's
+# map. Is the agent ahead of greedy here? Over many cities the race is narrow, and in a single city
+# either may win.
 #
 # What has learning gained us, if the agent may be no better than the rule? One agent **for each
 # mission** would be an optimiser, like the genie: it would search until it had a good flight, and
@@ -314,7 +314,7 @@ for name, each in flown.items():
 # - With all four gifts, an agent from a single training run beats the rule in its own city. With
 #   reward alone, an agent only comes close, but nobody has to know a rule.
 # - An agent that learned in thousands of cities can fly over one that was typed a minute ago.
-# - Say what a pilot was told before you compare it, and put the rule beside every number.
+# - Say what a pilot was told before you compare it, and give greedy's result beside every number.
 #
 # ## Exercises
 #

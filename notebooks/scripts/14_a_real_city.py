@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 14 · A real city
 #
-# Every city so far was invented, and so was its radio: path loss by a formula, and a yes or no for the line of sight. **Does the agent still fly well
-# over a real place, where radio waves bounce off the walls?** The picture shows four places that the agent has never seen, and a flight over each,
-# from the triangle to the diamond. The deeper the violet of a cell, the more devices are hidden from it.
+# Every city so far was invented, and so was its radio channel: path loss by a formula, and a yes or no for the line of sight. **Does `any_city`
+# still fly well over a real place, where radio waves bounce off the walls?** The picture shows four places that the agent has never seen, and a
+# flight over each, from the triangle to the diamond. The deeper the violet of a cell, the more devices are hidden from it.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -93,11 +93,11 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # too. ([The results](../docs/results/real_city.md) give all settings.)
 #
 # To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's
-# model. So their *mean in dB* agrees by construction, and the comparison tests *where* the signal goes. At a bandwidth of 1
-# MHz, these SNRs take only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its hidden links
-# would carry data (14.3).
+# model. So the two models' *means in dB* agree by construction, and the comparison tests *where* the signal goes. At a
+# bandwidth of 1 MHz, these SNRs take only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its
+# hidden links would carry data (14.3).
 #
-# Take a device in a street in the west, and draw its rate to a UAV over every cell, under either model. **Before you run the
+# Take a device in a street in the west, and draw its rate to a UAV over every cell, under both models. **Before you run the
 # cell:** where will the two maps differ most?
 
 # %%
@@ -115,8 +115,8 @@ figure
 
 # %% [markdown]
 # On the right the bright area is wider, because the real street is more open than our 10 m grid says. Beyond the edge of that
-# area the rate falls by a factor of 3 to 60 within one cell, and by even more deep in the shadow. But it does not fall to
-# zero, because waves are bent around the corner or reflected. White cells get less than $10^{-5}$.
+# area the rate falls by a factor of 3 to 60 within one cell, and deep in the shadow it falls by even more. But it does not
+# fall to zero, because waves are bent around the corner or reflected. In white cells it is below $10^{-5}$.
 #
 # ## 14.3 Link by link
 #
@@ -159,10 +159,10 @@ for kind, state in kinds.items():
 #   **street canyon** effect. The 3 % of links far below the others are blocked by walls that our grid misses; without them the
 #   spread is 0.8 dB.
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
-#   differ by 60 dB or more, and for a third of them the tracer, with its million rays, finds no path.
+#   differ by 60 dB or more, and for a third of them the tracer finds no path.
 # - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
-#   slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 30 to 50 m. It belongs to the place: fly by
-#   again, and the link is as bad as before. So it is a *map*, which could be learned.
+#   slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 30 to 50 m. Such fading belongs to the
+#   place: fly by again, and the link is as bad as before. So it is a *map*, which could be learned.
 #
 # Is the model a bad one, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So compare the
 # rates:
@@ -200,11 +200,11 @@ figure
 #
 # Behind buildings, next to corners, the rays bring *more* than the model promises. Nine tenths of this surplus comes from links
 # that are at most 3 dB below free space. Our shadow map calls them hidden, but the device is in view, past a wall that does not
-# fill its cell. Reflection and diffraction alone bring little data.
+# fill its cell.
 #
-# Beware: the ray tracer is a model, too. It contains no trees and no cars, so it is too optimistic. It also leaves out
-# scattering by rough walls and waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible*
-# radio, but not Munich's.
+# The ray tracer is a model, too. It contains no trees or cars, so it is too optimistic. It also leaves out scattering by rough
+# walls and waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible* channel, but not
+# Munich's.
 #
 # ## 14.4 Does the agent still fly?
 #
@@ -260,18 +260,18 @@ for place in (*places, None):
 #
 # The agent's mean return is 32.2 under either model, but under the ray-traced one it loses 0.9 in Munich and 0.6 in Paris and
 # gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead shrinks in Munich and Florence, but hardly in the other
-# two. Greedy is told nothing about the radio, so no wrong belief misleads it. How much would the agent gain if it knew the
+# two. Greedy is told nothing about the channel, so no wrong belief misleads it. How much would the agent gain if it knew the
 # ray-traced rates?
 #
 # ## 14.5 World and belief
 #
-# The agent does not measure the radio around it. It is *told*: one layer of its map says how much data a unit of time would
-# bring over each cell (notebook 12). Even in the ray-traced world, that layer is computed from the **paper's model**. So there
-# are two radios. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`.
-# The **belief** says what the agent expects: it is the environment of its observation, here `model`.
+# The agent does not measure the channel. It is *told*: one layer of its map says how much data a unit of time would bring over
+# each cell (notebook 12). Even in the ray-traced world, that layer is computed from the **paper's model**. So there are two
+# channels. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`. The
+# **belief** says what the agent expects: it is the environment of its observation, here `model`.
 #
 # Now change only the belief. At one extreme, the agent is told the world's own table, which only a genie could know. At the other, it is told
-# silence: that no data can be had anywhere.
+# silence: that no data can be collected anywhere.
 
 # %%
 from uavdh_lite.beyond.measured import MeasuredEnvironment, believing
@@ -284,9 +284,9 @@ for name, belief in beliefs.items():
     print(f"told {name:<10}return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# Told silence, the agent falls far behind, because it never had to learn from the map where data can be had. The gap between
-# the model and the truth is roughly what measuring can gain. But the truth is no upper bound for a network that was never
-# trained with it, and over a hundred missions so small a gap may be chance.
+# When told silence, the agent earns far less, because it never had to learn from the map where data can be found. The gap
+# between the last two returns is roughly what can be gained by measuring. But the truth is no upper bound for a network
+# that was never trained with it, and over a hundred missions so small a gap may be chance.
 #
 # ## 14.6 Measure, then tell
 #
@@ -309,7 +309,8 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 #
 # 1. **Two lines.** Fit a line to the SNRs in sight and another to those behind buildings. Because links that are too weak to hear count as −30 dB, the
 #    second line is much flatter than in 14.3 and promises too much deep in the shadow.
-# 2. **Link by link.** Correct these lines by what was heard *nearby*: if a device in the next cell was 15 dB below the line, this one probably is, too.
+# 2. **Link by link.** Correct these lines by what was heard *nearby*: if a device in the next cell was 15 dB below the line, a device in this one
+#    probably is, too.
 #
 # For the second way, let $e$ be how far each measured SNR is above its line. Each measurement gets a weight $w$, which is 1 for
 # the same two cells and falls with the distance between the devices and between the UAVs, to 0.6 one cell away:
@@ -317,7 +318,7 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum w\,e}{1 + \sum w}$$
 #
 # The 1 in the denominator is the line's own weight, so where nothing was heard nearby, the line stays as it is. The weights
-# take no notice of walls, which is crude. The method is **kernel smoothing**, a relative of Gaussian process regression.
+# ignore walls, which is crude. The method is **kernel smoothing**, a relative of Gaussian process regression.
 
 # %%
 beliefs = {"the model": model, "two lines": expected(model, found),
@@ -333,11 +334,12 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any of this
-# device's.
+# Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any of
+# those of this device.
 #
-# How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. Here is the lead
-# over greedy again (`line` stands for two lines, `link` for link by link, and the number counts the flights):
+# How many earlier flights does it take? The recorded runs have twelve *surveys*: sets of earlier flights, one for each
+# seed and place. Here is the lead over greedy again (`line` stands for two lines, `link` for link by link, and the number
+# counts the flights):
 
 # %%
 for radio in worlds:
@@ -360,8 +362,8 @@ for radio in worlds:
 #
 # The guide *Fly over your own campus* shows how to make the map. Before a real UAV takes off:
 #
-# 1. **Ask.** Flying is regulated.
-# 2. **Check the map.** Heights may be wrong; trees, cranes and wires are missing.
+# 1. **Ask** first: flying is regulated.
+# 2. **Check the map.** Heights may be wrong, and trees, cranes and wires are missing.
 # 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over.
 #    First test the link by which you command the UAV. Know the UAV's position to better than a cell, which satellite
 #    navigation between walls may not allow.

@@ -98,7 +98,7 @@ checks.same_path_loss(same_loss_m)
 
 # %% [markdown]
 # Both formulas give the same path loss at 1 m. The UAV flies 10 m above the devices, so it is
-# always farther away than that, and a building always makes the link worse.
+# always farther away than 1 m, and a building always makes the link worse.
 
 # %% [markdown]
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)

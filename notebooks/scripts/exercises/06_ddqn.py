@@ -224,9 +224,9 @@ checks.learned_network(learn_network)
 #   from `generator.integers(0, n, count)`, which gives `count` whole numbers from 0 to `n` − 1.
 #   `sample` is never called on an empty memory.
 #
-# An item is a tuple with any content; return the very tuples that were added. Adding should not get
-# slower when the memory is large. So try to do without shifting all items by one place, which is
-# what `pop(0)` does; avoiding this is the point of a ring.
+# An item is a tuple with any content; return the very tuples that were added. Adding should not
+# take longer when the memory is large. So try to do without shifting all items by one place, which
+# is what `pop(0)` does; avoiding this is the point of a ring.
 #
 # <details><summary>Hint</summary>
 #
@@ -236,9 +236,10 @@ checks.learned_network(learn_network)
 #
 # <details><summary>Another hint</summary>
 #
-# The remainder of a division by the capacity runs in such a circle. While the memory is not full,
-# only the places filled so far may be drawn; draw places, not items. And since the newest item is
-# in every sample, only size − 1 items have to be drawn.
+# Count the items as they arrive: the remainder when this count is divided by the capacity goes
+# round in just such a circle. While the memory is not full, only the places filled so far may be
+# drawn; draw places, not items. And since the newest item is in every sample, only size − 1 items
+# have to be drawn.
 # </details>
 
 # %%
@@ -425,7 +426,7 @@ checks.double_target(target)
 #
 # <details><summary>Another hint</summary>
 #
-# A factor that all exponentials of a row share cancels when you divide by their sum; exp(−c/β) is
+# A factor that is common to all exponentials of a row cancels when you divide by their sum; exp(−c/β) is
 # such a factor, and turns exp(Q/β) into exp((Q − c)/β). Which c, a different one in each row,
 # leaves no exponent above 0, and makes one of them exactly 0?
 # </details>

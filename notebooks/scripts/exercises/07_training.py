@@ -244,7 +244,7 @@ for name, shares in RUNS.items():
     print("{:<32}landed {:.3f}, collected {:.3f}, time_used {:.3f}".format(name, *shares))
 
 # %% [markdown]
-# Write a function that names what is wrong. The agent
+# Write a function that says what is wrong with an agent, if anything. The agent
 #
 # 1. is `"lazy"` if it uses less than 25 % of the flying time, whatever else it does;
 # 2. otherwise it `"crashes"` if fewer than 90 % of its missions land;
@@ -290,8 +290,9 @@ for name, shares in RUNS.items():
 # ## 7.3 · The n-step return (2 points, 15 minutes)
 #
 # The recipe `lite` learns from the rewards of three steps and the value of the state after them, a
-# 3-step return. Here you compute such a target for any number of steps. A memory holds $T$
-# consecutive steps of one UAV. Compute the target for the first state, $s_0$, over up to $n$ steps:
+# 3-step return. Here you compute such a return, as a target, for any number of steps. A memory
+# holds $T$ consecutive steps of one UAV. Compute the target for the first state, $s_0$, over up to
+# $n$ steps:
 #
 # $$y = r_0 + \gamma r_1 + \dots + \gamma^{m-1} r_{m-1} + \gamma^m V(s_m)$$
 #
