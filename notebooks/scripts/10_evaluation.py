@@ -40,7 +40,7 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Compare the agent with the paper, with chance and with two planners on the same 1000 missions; find the missions in which it falls behind; fly one mission again with different luck |
+# | **What you'll do** | Compare the agent with the paper's and, on the same 1000 missions, with chance and two planners; find the missions in which it falls behind; fly one mission again with different luck |
 # | **What you'll learn** | Random streams, Wilson's interval, why the best checkpoint looks too good, how many missions a claim needs |
 # | **What you'll need** | Notebooks 3, 7 and 8. 55 minutes to read, 20 seconds to run; 24 minutes of exercises |
 #
@@ -79,8 +79,8 @@ cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 
 # %% [markdown]
 # The score is *collected and landed*: the share of the data that a flight brings home, or 0 after a
-# crash. This score needs no constants, whereas the *return* does: a step costs 0.2 and a crash 150,
-# as in notebook 3.
+# crash. This score depends on no constants, whereas the *return* does: a step costs 0.2 and a crash
+# 150, as in notebook 3.
 #
 # ### Random numbers
 #
@@ -128,7 +128,7 @@ for city, results in cities.items():
 # Our agents are above the paper's in every line. Are they better? The table cannot say, because the
 # paper's maps were never published. Our maps were redrawn from the paper's text, and may be easier.
 # What the table does say is that on maps that fit the same description, a strengthened form of the
-# same method reaches the same level.
+# method reaches the paper's level.
 #
 # ### What three shares tell
 #
@@ -158,9 +158,9 @@ Quiz("all_landed")
 
 # %% [markdown]
 # For a share $p$ of $n$ missions, the simple interval, called the **Wald interval**, is $p$ plus or
-# minus 1.96 standard errors $\sqrt{p(1-p)/n}$. At $p = 1$ the standard error is 0, and this
-# interval says that a crash is impossible. *Wilson's* interval asks instead: for which true shares
-# would this result be no surprise? With $z = 1.96$ the answer is
+# minus 1.96 standard errors $\sqrt{p(1-p)/n}$. At $p = 1$ the standard error is 0, so this interval
+# says that a crash is impossible. *Wilson's* interval asks instead: for which true shares would
+# this result be no surprise? With $z = 1.96$ the answer is
 #
 # $$\frac{p + z^2/2n \pm z\sqrt{p(1-p)/n + z^2/4n^2}}{1 + z^2/n}$$
 #
@@ -181,12 +181,13 @@ for count in (995, 999, 1000):
 # a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
 #
 # The intervals of all other means come from notebook 8's bootstrap. Either kind of interval covers
-# luck in the missions, but not luck in training. For a claim about a *method*, the training runs
-# are the sample.
+# luck in the missions, but not luck in training. For a claim about a *method*, the sample has to
+# consist of training runs.
 #
 # ## 10.3 Next to the planners
 #
-# Is 96 % good? The number needs something simple beside it, and something near the best that can be done.
+# Is 96 % good? To judge that, compare it with a simple policy and with one near the best
+# possible.
 
 # %%
 for city, results in cities.items():
@@ -273,7 +274,7 @@ figure
 #
 # ## 10.6 Failures, one by one
 #
-# To see *what* goes wrong, fly the missions again in which the agent is furthest behind the genie:
+# To see *what* goes wrong, fly again the missions in which the agent is furthest behind the genie:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -322,8 +323,8 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
 #
 # ## 10.7 How many missions does a claim need?
 #
-# An interval shrinks with the square root of the number of missions, so half the width takes four times as many. If $\sigma$ is
-# the standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes
+# An interval shrinks with the square root of the number of missions, so halving it takes four times as many. If $\sigma$ is the
+# standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes
 # $n = (1.96\,\sigma/h)^2$ missions. Say you want to know greedy's lead to within half a point:
 
 # %%
@@ -403,7 +404,8 @@ figure
 #
 # - A result is a mean with an interval, over missions that were not used before.
 # - Training, validation and test draw from streams of their own.
-# - Put something simple and something nearly perfect beside your agent, on the same missions.
+# - Compare your agent with something simple and with something nearly perfect, on the same
+#   missions.
 # - The best of many checkpoints looks better than it is.
 # - A mean does not say what goes wrong. Fly the failures again and look.
 #

@@ -196,19 +196,19 @@ figure
 # Look at the left side first. While the device is near, the networks learn these missions with
 # either memory. Then the missions change. With a memory of 200 steps, the share of right actions
 # drops steeply in every run, on average from nine states in ten to about four. Nothing was wrong
-# with what the network knew. That knowledge was overwritten: an update for one state moves weights
-# that other states use as well, and the memory no longer holds a step that would correct them. This
-# is called **catastrophic forgetting**. Later the share recovers in part, because far and near
+# with what the network knew, but it was overwritten: an update for one state moves weights that
+# other states use as well, and the memory no longer holds a step that would correct them. This is
+# called **catastrophic forgetting**. Later the share recovers in part, because far and near
 # missions have something in common.
 #
 # With the large memory, hardly anything is lost. Near missions are no longer flown, but their steps
 # are still drawn, so the network has to stay right about them.
 #
 # Now look at the right side. By the end the small memory is ahead on average, though some runs
-# overlap. It holds only steps of far missions, whereas half of the large one's samples come from
-# the past even at the end. So a large memory keeps what is no longer flown, but it is slow to
-# follow when the world changes. **Combined replay**, which puts the newest step into every
-# minibatch, shortens this delay.
+# overlap. It holds only steps of far missions, whereas even at the end, half of the samples from
+# the large one are steps of near missions. So a large memory keeps what is no longer flown, but it
+# is slow to follow when the world changes. **Combined replay**, which puts the newest step into
+# every minibatch, shortens this delay.
 #
 # **Prioritised replay** goes further, and draws steps with a large error more often. But a Q-value
 # is a mean over good and bad luck, and if lucky steps, for example, are drawn too often, that mean
@@ -216,7 +216,7 @@ figure
 # would be with equal chances (**importance weights**; exercise 11.2).
 #
 # In the village the missions do not change halfway through. But a memory of 250 steps holds only
-# parts of the flights that are in the air at the time. As one flight follows another, the network
+# parts of the flights that are in progress at the time. As one flight follows another, the network
 # is pulled from one handful of missions to the next, and forgets. That is the likely reason why the
 # runs with this memory fell behind in 11.1.
 #
@@ -224,7 +224,7 @@ figure
 #
 # When training is over, the memory is thrown away, and only the network is kept. What does the
 # network still know from all the flights? One thing worth knowing is that a building in the way
-# takes most of the signal, as in notebook 1, but no input says so. In one layer the network sees
+# takes away most of the signal (notebook 1), but no input says so. In one layer the network sees
 # buildings, in another it sees data, and it has learned from rewards alone. Has it found out how
 # the two layers are related?
 #
@@ -330,9 +330,9 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 # The untrained networks hardly notice. Both trained ones expect more reward when any buildings
 # disappear, and clearly more still when those buildings were in the way. So they have learned from
 # rewards that buildings *between* the UAV and a device cost something, and they look for such
-# buildings. One doubt is left: the control also lies farther from the *device*. If the networks
-# value open space around a device for another reason, that, too, would explain part of the
-# difference.
+# buildings. One doubt is left: the control lies not only on the other side of the UAV, but also
+# farther from the *device*. If the networks value open space around a device for another reason,
+# that, too, would explain part of the difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are
 # worth: 3 % of their value over Manhattan and 15 % over the open field. In three or four states out

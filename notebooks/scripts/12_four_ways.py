@@ -67,15 +67,16 @@ draw_ways()
 # | **What you'll need** | The course, notebooks 0 to 9. 45 minutes to read, 30 seconds to run; 27 minutes of exercises |
 #
 # Each row shows one recipe in three runs, one for each seed, recorded with an earlier version of the program over an earlier
-# map of Manhattan, which had eight low buildings. The upper four rows learn from reward, the next four copy a planner, and the
-# last one copies first and then learns from reward. All runs within a group are equally long. The rows that learn from reward
-# without a guarantee have the penalties of the recipe `lite` of notebook 7, and half of their flights begin in mid-air. Higher
-# returns lie further right. The rest of this notebook explains the words on the left.
+# map of Manhattan, which had eight low buildings. In the upper four rows the agents learn from reward, in the next four they
+# copy a planner, and in the last one they copy first and then learn from reward. All runs within a group are equally long. The
+# agents that learn from reward without a guarantee are trained with the penalties of the recipe `lite` of notebook 7, and half
+# of their flights begin in mid-air. Higher returns lie further right. The rest of this notebook explains the words on the
+# left.
 #
 # ## 12.1 Guarantee: the failsafe
 #
-# The paper's agent learns from crashes how to land, and each crash costs 150. A rule needs no crashes. From the map one can count the
-# moves from each cell to the nearest landing zone, so one knows the last moment at which to turn back:
+# The paper's agent learns from crashes how to land, and each crash costs 150. A rule can bring the UAV home without a single crash.
+# From the map one can count the moves from each cell to the nearest landing zone, so one knows the last moment at which to turn back:
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -218,7 +219,7 @@ assert np.mean(agree) > 0.85
 # %% [markdown]
 # Where the two differ, both actions are often equally good, for example when two ways around a block are equally long.
 #
-# There is a trap, however. The genie never flies into a dead end, so its flights show no way out of one. A copy that errs once comes to places
+# There is a trap, however. The genie never flies into a dead end, so its flights show no way out of one. A copy that errs once gets to places
 # that it has never seen, and errs again. The remedy is to let the *learner* fly, and to ask the genie what it would do from the states that the
 # learner gets into. A third of the labels are made in this way, which is called **DAgger**, for *dataset aggregation*.
 
@@ -228,10 +229,10 @@ Quiz("why_own_starts")
 # %% [markdown]
 # ## 12.4 Learn: what only reward can say
 #
-# The genie plans with mean rates, so it does not reckon with luck. And a copy makes errors that no further look at the genie's
-# own flights would show. Learning from reward needs neither teacher nor formula, because all that counts is how good a flight
-# was. So after copying, the shipped agents go on to learn from reward. They draw their actions from $\pi$, and fly each mission
-# eight times:
+# The genie plans with mean rates, so it does not reckon with luck. And a copy makes errors that no further examples from the
+# genie's own flights would correct. Learning from reward needs neither teacher nor formula, because all that counts is how good
+# a flight was. So after copying, the shipped agents go on to learn from reward. They draw their actions from $\pi$, and fly
+# each mission eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages
@@ -247,8 +248,8 @@ print("return   ", *(f"{value:6.1f}" for value in returns))
 print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 
 # %% [markdown]
-# The *advantage* $A$ of a flight says how much more it brought than the mean of the other seven, in standard deviations. The loss is
-# that of 12.3, weighted by $A$:
+# The *advantage* $A$ of a flight says by how much its return exceeds the mean of the other seven, in standard deviations. The loss
+# is that of 12.3, weighted by $A$:
 #
 # $$L = -A\,\log \pi(a \mid s)$$
 #
@@ -263,9 +264,9 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 #
 # ## 12.5 What each way is worth
 #
-# Here are the validation returns of the recorded runs, plotted against the minutes that the runs took on one core. Because
-# other programs ran beside some of the runs, all three runs of each way are scaled to the length of the quickest. Returns
-# below 10 are left out:
+# Here are the validation returns of the recorded runs, plotted against the minutes of training on one core. Because other
+# programs ran beside some of the runs, all three runs of each way are scaled to the length of the quickest. Returns below
+# 10 are left out:
 
 # %%
 from uavdh_lite.planners import Greedy
@@ -300,7 +301,7 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # %% [markdown]
 # - The **guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or
 #   collect little, and even the copies crash in about one mission in ten.
-# - **Telling** helps the copies. Under the guarantee, agents that learn from reward gain nothing from being told here, perhaps
+# - **Telling** helps the copies. Under the guarantee, agents that learn from reward gain nothing here from being told, perhaps
 #   because in a single city a network can also learn by heart what it is not told. Without the guarantee, all three runs of
 #   *tell + learn* crash in nearly every mission.
 # - **Copying** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but

@@ -93,8 +93,8 @@ both = sum(city.fingerprint in learned for city in unseen)
 print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
 
 # %% [markdown]
-# That is what *unseen* means here: other cities, but from the same generator (**in distribution**). The word says nothing
-# about cities that no such generator would draw.
+# That is what *unseen* means here: other cities, but from the same generator (**in distribution**). The word promises
+# nothing about cities that this generator would never draw.
 #
 # ## 13.2 Is one network enough?
 #
@@ -124,10 +124,10 @@ for name, record in records.items():
           f"collected and landed {record[BOTH].mean():5.1%}  return {record['return'].mean():5.1f}")
 
 # %% [markdown]
-# All flights land, so the differences are in the data. The Manhattan specialist brings home far more than the random pilot, so
-# something of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The
-# unknown streets are one likely reason; another may be that it was trained on narrower ranges of flying time, data and numbers
-# of devices.
+# All flights land, so the pilots differ in how much of the data they collect. The Manhattan specialist brings home far more
+# than the random pilot, so something of what it learned holds elsewhere, too. But it falls well behind the agent that has
+# learned in many cities. The unknown streets are one likely reason; another may be that it was trained on narrower ranges of
+# flying time, data and numbers of devices.
 #
 # The greedy rule is a strong rival here, because it knows the shortest route between any two cells of any city. Whether the
 # difference between greedy and `any_city` is luck is a question for 13.5.
@@ -186,8 +186,8 @@ play(own.environment, flight.trajectory(0))
 #
 # To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or
 # 2000 cities, with three seeds for each number and 200,000 steps for each network. Each flew 500 missions over the cities that
-# it had learned in, and 500 over 300 others. Because the two sets of cities are not equally hard, greedy flies the same
-# missions, and each network is compared with it:
+# it had learned in, and 500 more over 300 other cities. Because the two sets of cities are not equally hard, greedy flies the
+# same missions, and each network is compared with it:
 
 # %%
 from uavdh_lite.environment import Environment
@@ -363,7 +363,7 @@ figure
 # - A network with a single city can learn it by heart. One that wakes up in another city each time has to look.
 # - In the centred map, a wall to the east looks the same in every city.
 # - The more cities there are to learn in, the closer the scores over seen and unseen cities come to each other.
-# - *Unseen* is a claim about where the cities come from. When you report a number for unseen cities, say where they come from.
+# - *Unseen* means little until you say where the cities come from, so say it whenever you report a number for unseen cities.
 # - Missions in one city share its walls. For a claim about cities, resample whole cities.
 # - A property that every right answer must have finds errors even where nobody knows the answers.
 #

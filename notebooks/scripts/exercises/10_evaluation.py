@@ -36,8 +36,8 @@ from uavdh_lite.planners import Greedy
 # %% [markdown]
 # ## 10.1 · How many missions must land? (2 points, 12 minutes)
 #
-# A customer wants to read "at least 99 % of the flights land", with an interval to show it. You plan the test flights. How many do you need, if
-# `crashes` of them crash?
+# A customer wants it in writing that at least 99 % of the flights land, with an interval to show it. You plan the test flights. How many do you
+# need, if `crashes` of them crash?
 #
 # - `share`: the share of landings that is to be shown, between 0 and 1
 # - `crashes`: how many of the missions crash, 0 or more

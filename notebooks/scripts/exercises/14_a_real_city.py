@@ -83,7 +83,7 @@ checks.shadow_reach(reach_m)
 #
 # - `line_db`: what the line says, one number, dB,
 # - `heard_db`: $(N,)$, what was heard nearby, dB; $N$ may be 0,
-# - `weight`: $(N,)$, the weight of each measurement, from 0, far away, to 1, here.
+# - `weight`: $(N,)$, the weight of each measurement, from 0 (far away) to 1 (here).
 #
 # Return the SNR to believe, one number. In the notebook the line's value differs from place to place; here it is the same for the link and for what was heard near it.
 #
