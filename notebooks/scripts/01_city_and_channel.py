@@ -76,8 +76,8 @@ print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only close
 
 # %% [markdown]
 # The paper's UAV is “not allowed to fly over buildings” at all, so this city has no low buildings;
-# some other maps of the library do. A device may stand anywhere, even in the no-fly zone, except on
-# a building or in a landing zone. No two devices share a cell.
+# other maps of the library have some. A device may stand anywhere, even in the no-fly zone, except
+# on a building or in a landing zone. No two devices share a cell.
 #
 # ## 1.2 Path loss
 #
@@ -200,8 +200,8 @@ for distance in (0, 10, 20, 30, 100):
 # %% [markdown]
 # - **Twice as far** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR each loss of 3
 #   dB takes one unit away from a slot, however many units the slot carried before. At a low SNR the
-#   rate is proportional to the SNR, so twice the distance reduces it to a fifth in sight and to a
-#   twelfth behind a building.
+#   rate is proportional to the SNR, so doubling the distance reduces it to a fifth in sight and to
+#   a twelfth behind a building.
 # - **Near is fast.** Three cells away and in sight, the UAV gets about a fifth of what it gets
 #   directly above the device.
 # - **Far still counts.** A hundred metres down a street, little arrives in a slot, but the slots

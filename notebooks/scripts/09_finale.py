@@ -119,9 +119,9 @@ assert flights.end.landed.all()
 # ## 9.3 Tell
 #
 # The network sees buildings, and has to find out from reward what they do to the radio. But anyone
-# who knows the city and the constants of notebook 1 can compute, before the flight, about how much
-# data a unit of time over each cell would bring. The result is a picture, and a network that reads
-# five pictures can also read a sixth:
+# who knows the city and the constants of notebook 1 can compute, before the flight, roughly how
+# much data a unit of time over each cell would bring. The result is a picture, and a network that
+# reads five pictures can also read a sixth:
 
 # %%
 from uavdh_lite.beyond.told import ToldObservation

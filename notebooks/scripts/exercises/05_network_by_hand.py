@@ -145,14 +145,14 @@ checks.convolve(convolve)
 # - `hidden`: the neurons of each hidden layer, `(256, 256, 256)` in the paper; again, there may be
 #   any number of them from 1 up
 #
-# An example, counted by hand: M = 2, so the map has 3×3 cells; we give it 2 layers. One
-# convolution has 3 kernels of 2×2 cells, with stride 1. Each kernel sees both layers, so it has 2
-# · 2 · 2 = 8 weights and a bias, which makes 3 · 9 = 27 numbers for the convolution. A kernel
-# fits at 2×2 places, so each makes a layer of 2×2 numbers, and there are 3 such layers. Flattened,
-# these are 12 numbers, or 13 with the flying time. A hidden layer of 4 neurons then has 4 ·
-# (13 + 1) = 56 numbers, and the output has 6 · (4 + 1) = 30. In all, `weights(2, 2, 3, 2,
-# (1,), (4,))` is 27 + 56 + 30 = 113. If there were a second convolution, it would see these 3
-# layers, not the 2 of the map.
+# An example, counted by hand: M = 2, so the map has 3×3 cells; we give it 2 layers. There is one
+# convolution, with 3 kernels of 2×2 cells and stride 1. Each kernel sees both layers, so it has 2 ·
+# 2 · 2 = 8 weights and a bias, which makes 3 · 9 = 27 numbers for the convolution. A kernel fits at
+# 2×2 places, so each makes a layer of 2×2 numbers, and there are 3 such layers. Flattened, these
+# are 12 numbers, or 13 with the flying time. A hidden layer of 4 neurons then has 4 · (13 + 1) = 56
+# numbers, and the output has 6 · (4 + 1) = 30. In all, `weights(2, 2, 3, 2, (1,), (4,))` is
+# 27 + 56 + 30 = 113. If there were a second convolution, it would see these 3 layers, not the
+# 2 of the map.
 #
 # Try to do this with plain arithmetic and without torch, because counting is the point of the
 # exercise. For the paper's network in a city with M = 16 the result is 2,308,854.

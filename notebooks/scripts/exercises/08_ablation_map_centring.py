@@ -54,8 +54,8 @@ from uavdh_lite.course import checks
 # <details><summary>Another hint</summary>
 #
 # Go backwards from the end, through zip(steps[::-1], values[::-1]). At each value that is at least
-# threshold, keep its step in place of the one you kept before; stop at the first value below
-# threshold. If you have kept no step, return None.
+# the threshold, keep its step in place of the one you kept before; stop at the first value below
+# the threshold. If you have kept no step, return None.
 # </details>
 
 # %%

@@ -47,7 +47,8 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Hint</summary>
 #
-# How do you get all pairs that are $k$ cells apart without a loop over cells? Two slices of one array.
+# How do you get all pairs that are $k$ cells apart without a loop over cells? Think of two slices
+# of one array.
 # </details>
 #
 # <details><summary>Another hint</summary>
