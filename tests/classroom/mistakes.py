@@ -2,6 +2,7 @@
 
 import copy
 import math
+import random
 from itertools import combinations, islice
 
 import numpy as np
@@ -208,23 +209,30 @@ def _value_after_the_end(rewards, terminals, values, n, discount):
     return total + discount ** (k + 1) * values[k + 1]
 
 
-def table_learner(best=np.max, end=None, entry=lambda a: a, stale=False, move=None, **fixed):
+def table_learner(
+    best=np.max, end=None, entry=lambda a: a, stale=False, move=None, cut=9**9, fall=1, **fixed
+):
     """Q-learning with another idea of what the next cell is worth, or of when nothing follows, with
-    another entry that learns, another move that is flown, or with a constant fixed."""
+    another entry that learns, another move that is flown, a cut, or with a constant fixed."""
 
     def learn(step, start, flights, gamma, alpha, generator):
         case = {"start": start, "flights": flights, "gamma": gamma, "alpha": alpha} | fixed
         q = np.zeros((4, 4, 4))
         for _ in range(case["flights"]):
             cell, ended, judge = case["start"], False, q.copy() if stale else q
-            while cell != (0, 3) if move == "on" else not ended:
-                action = generator.integers(4) if move in (None, "on") else move
+            left = cut
+            while left and (cell != (0, 3) if move == "on" else not ended):
+                left -= 1
+                action = move(generator) if callable(move) else move
+                if move in (None, "on"):
+                    action = generator.integers(4)
                 after, reward, ended = step(cell, action)
                 last = end(reward) if end else ended
                 y = reward + (not last) * case["gamma"] * best(judge[after])
                 place = entry(action)
                 q[cell][place] += case["alpha"] * (y - q[cell][place])
                 cell = after
+            case["alpha"] *= fall
         return q
 
     return learn
@@ -278,7 +286,8 @@ def trained(fault):
             if fault in ("all", "largest"):
                 q = online(cell) if fault == "all" else online(cell).amax(1, keepdim=True)
                 y = y.expand_as(q)
-            loss = nn.functional.mse_loss(q[:, 0] if fault == "shape" else q, y)
+            mean_loss = nn.functional.l1_loss if fault == "sizes" else nn.functional.mse_loss
+            loss = mean_loss(q[:, 0] if fault == "shape" else q, y)
             if fault != "slopes":
                 optimiser.zero_grad()
             loss.backward()
@@ -539,6 +548,10 @@ MISTAKES = {
         (table_learner(entry=lambda action: 3 - action), r"Q-value \[row, column, action\] gives"),
         (table_learner(move="on"), r"The flight had ended at \(3, 3\)"),
         (table_learner(move=3), "20,000 steps has not ended"),
+        (table_learner(move=lambda _: random.randrange(4)), "passed in"),
+        (table_learner(move=lambda generator: generator.integers(5) % 4), "equally likely"),
+        (table_learner(cut=100), r"has not ended, but the next step begins at \(3, 0\)"),
+        (table_learner(fall=0.995), "in the last flight, too"),
         (lambda *case: torch.zeros(4, 4, 4), "In a street"),
         (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
         (learn_table, "the library's own, from uavdh_lite.course.small_city. Write it yourself"),
@@ -550,7 +563,15 @@ MISTAKES = {
         ),
         (network_learner(gamma=0.5), "With another γ"),
         (network_learner(change=column(2, lambda r: 0 * r)), "of the action that was taken"),
-        (network_learner(change=column(6, lambda r: (r > 0).float())), "Steps may pay"),
+        (
+            network_learner(tau=lambda updates: 1.0, change=column(6, lambda r: (r > 0).float())),
+            "Only `ended`",
+        ),
+        (
+            lambda memory, gamma, updates: trained("")(memory, gamma, 1500),
+            "updates = 1,000 `backward` is called 1,500 times",
+        ),
+        (trained("sizes"), "the mean of the errors' squares"),
         (trained("part"), "Some weights never change"),
         (trained("cleared"), r"without `zero_grad\(\)` between them"),
         (lambda *case: Misspelt(), "stops with NotImplementedError.*forward"),
@@ -569,7 +590,7 @@ MISTAKES = {
         (network_learner(tau=lambda tau: 1 - tau), r"are swapped.*its weights\.$"),
         (network_learner(tau=lambda tau: 0.05), "With τ = 0"),
         (trained("clipped"), "comes from the target network. With τ = 0"),
-        (trained("never"), r"Your target network did not change.*online one\.$"),
+        (trained("never"), r"the same as before. After every single update.*online one\.$"),
         (trained("fresh"), "does not begin as a copy of the online one"),
         (trained("returned"), "is not the trained one: return `online`"),
         (trained("gradient"), "A gradient runs through y"),

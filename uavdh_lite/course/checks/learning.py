@@ -17,13 +17,14 @@ class Watched(TorchFunctionMode):
     Arguments:
         tau: the share of the way that a target network moves in each update, if it is known.
 
+    `losses` counts the calls of `backward`.
     `ends` says whether a minibatch had a terminal transition; None if none was seen as Booleans.
     """
 
     def __init__(self, tau: float | None = None):
         super().__init__()
         self.tau, self.ends = tau, None
-        self.updates, self.idle, self.largest = 0, 0, True
+        self.updates, self.idle, self.largest, self.losses = 0, 0, True, 0
         self.before: dict[Tensor, Tensor] = {}  # the trained weights at the last `backward`
         self.used: dict[Tensor, None] = {}  # the weights of all layers before the first update
         self.targets: list[tuple[Tensor, Tensor, Tensor]] = []  # target, online, target before
@@ -34,6 +35,7 @@ class Watched(TorchFunctionMode):
         given = [*args, *(kwargs or {}).values()]
         if func is torch.tensor and str(getattr(given[0], "dtype", "")) == "bool":
             self.ends = bool(self.ends or given[0].any())
+        self.losses += func is Tensor.backward
         tensors = [one for one in given[:2] if isinstance(one, Tensor)]
         if self.updates >= UPDATES or not tensors:
             return func(*args, **(kwargs or {}))
@@ -77,6 +79,13 @@ class Watched(TorchFunctionMode):
                 raise CheckFailed(
                     "All four Q-values of a cell move towards y. Only that of the action that was "
                     "taken may: `gather` picks it."
+                )
+            sizes, spread = slope[slope != 0].abs(), q[slope != 0]
+            equal = len(sizes) > 2 and torch.allclose(sizes, sizes[:1])
+            if equal and spread.max() - spread.min() > 0.01:  # so the errors are not
+                raise CheckFailed(
+                    "All errors, small or large, move their Q-values equally. The loss must be the "
+                    "mean of the errors' squares, not of their sizes."
                 )
             learns = (slope != 0).any(1)
             self.largest &= torch.equal(slope.abs().argmax(1)[learns], q.argmax(1)[learns])
@@ -128,8 +137,8 @@ class Watched(TorchFunctionMode):
         """How the target network has followed the online one in the last update."""
         if self.targets and all(torch.equal(now, old) for now, _, old in self.targets):
             raise CheckFailed(
-                "Your target network did not change. After each update it moves the share τ of the "
-                "way to the online one.",
+                "After an update your target network was the same as before. After every single "
+                "update it must move the share τ of the way to the online one.",
                 seen=False,
             )
         right, swapped = (

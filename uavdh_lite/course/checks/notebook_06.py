@@ -1,5 +1,7 @@
 """Exercises of notebook 6, from Q-learning to DDQN: the parts of a DQN, one after the other."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import torch
 
@@ -29,24 +31,65 @@ def table_values(
     learn, flights, gamma, alpha, device=(0, 3), price=0.2, moves=MOVES[:4], start=START
 ):
     """The table that an answer learns, (4, 4, 4); of a single flight its largest values, (4, 4)."""
-    place, steps = None, 0
+    place, over, steps, drawn = start, True, 0, [0] * 4
     city = there_and_back() if moves is None else small_city(device, price, moves)
 
     def step(cell, action):
-        nonlocal place, steps
-        if place == tuple(cell) != start:
-            raise CheckFailed(f"The flight had ended at {place}, but you flew on: check `ended`.")
-        after, reward, ended = city(cell, action)
-        place, steps = (after, 0) if ended else (None, steps + 1)
+        nonlocal place, over, steps
+        if tuple(cell) != (start if over else place):
+            raise CheckFailed(_astray(place, over, cell, start))
+        place, reward, over = city(cell, action)
+        drawn[action] += 1
+        steps = 0 if over else steps + 1
         if steps > LONGEST:
-            said = f"A flight of {LONGEST:,} steps has not ended. Does the cell change in each step"
-            raise CheckFailed(f"{said}, and is each of the four moves drawn?")
-        return after, reward, ended
+            said = f"A flight of {LONGEST:,} steps has not ended. Is each of the four moves drawn?"
+            raise CheckFailed(said)
+        return place, reward, over
 
     q = np.asarray(learn(step, start, flights, gamma, alpha, stream(Use.EXERCISE, 0)))
     if q.shape != (4, 4, 4):
         raise CheckFailed(f"Return the table, an array of shape (4, 4, 4), not {show(q)}.")
+    if not over:
+        raise CheckFailed(_astray(place, over, None, start))
+    if ((np.array(drawn) - sum(drawn) / 4) ** 2).sum() > 12 * sum(drawn):  # chance: once in 1e9
+        said = f"In {flights} flights the moves 0 to 3 are drawn {drawn} times"
+        raise CheckFailed(f"{said}. All must be equally likely in each step.")
     return q if flights > 1 else q.max(axis=2)
+
+
+def _astray(place, over, cell, start):
+    """What is said if a step does not begin where the flight is."""
+    if not over:
+        begins = "you stop" if cell is None else f"the next step begins at {tuple(cell)}"
+        said = f"A flight is at {place} and has not ended, but {begins}. Let the next cell become"
+        return f"{said} the current one, and fly on until `ended`."
+    if tuple(cell) == place:
+        return f"The flight had ended at {place}, but you flew on: check `ended`."
+    return f"A flight begins at {tuple(cell)}. Each one must begin in `start`, {start}."
+
+
+def learned(learn, seed):
+    """The table of 30 flights, and the moves that were flown for it."""
+    city, moves = small_city(), []
+
+    def step(cell, action):
+        moves.append(action)
+        return city(cell, action)
+
+    return np.array(learn(step, START, 30, 0.9, 0.05, stream(Use.EXERCISE, seed))), moves
+
+
+def learns_otherwise(learn) -> str:
+    """By the generator's chance alone, and with the same α in every step that was flown."""
+    (one, moves), (other, _), (again, _) = (learned(learn, seed) for seed in (1, 2, 1))
+    if np.any(one != again) or np.all(one == other):
+        return "All random numbers must come from the generator that is passed in."
+    left = iter(moves)
+    same = SimpleNamespace(integers=lambda _: next(left))
+    right, _ = learned(lambda *case: learn_table(*case[:5], same), 1)
+    if np.allclose(one, right, 1e-3, 1e-3):
+        return ""
+    return "Every step moves its entry by the share α of the way to y, in the last flight, too."
 
 
 def called_table(flights, gamma, alpha, *more):
@@ -84,6 +127,7 @@ EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it doe
     },
     ask=table_values,
     call=called_table,
+    also=learns_otherwise,
     tolerance=0.01,
     smallest=0.03,
 )
@@ -103,9 +147,11 @@ def network_values(learn, seed, *case):
     torch.manual_seed(seed)
     np.random.seed(seed)  # noqa: NPY002 (an answer may draw its minibatches with it)
     *constants, device, price = case
-    memory = flights_of(small_city(device, price), 100)
+    memory, updates = flights_of(small_city(device, price), 100), 1000 + 50 * seed
+    if price > 1:  # the step to the device is not told by its reward
+        memory[:, 3] = -price
     with Watched(*constants[1:]) as watched:
-        network = learn(memory, *constants, 1000)
+        network = learn(memory, *constants, updates)
     if not callable(network):
         raise CheckFailed(f"Return the network. You returned {show(network)}.")
     module = isinstance(network, torch.nn.Module)
@@ -116,6 +162,9 @@ def network_values(learn, seed, *case):
         )
     if module and not watched.trained(network):
         raise CheckFailed("The network that you return is not the trained one: return `online`.")
+    if watched.losses % updates:
+        said = f"For updates = {updates:,} `backward` is called {watched.losses:,} times"
+        raise CheckFailed(f"{said}: make as many steps of gradient descent as `updates` says.")
     largest = q.detach().amax(1).reshape(4, 4).float()
     largest[largest > EXPLODED] = np.inf
     largest[device] = np.nan
@@ -159,8 +208,10 @@ def draw_explosion(ax, solution):
         "towards y.": [
             (0, 0.5, (0, 3), 0.2),
         ],
-        "With another γ or a device elsewhere, the values are different. Steps may pay, too: only "
-        "`ended` says that nothing follows.": [(1, 0.7, (0, 0), -1.0)],
+        "With another γ or a device elsewhere, the values are different. Only `ended` says that "
+        "nothing follows: here every step costs 2, and so does the last one.": [
+            (1, 0.7, (0, 0), 2.0)
+        ],
     },
     ask=network_values,
     call=called_network,
