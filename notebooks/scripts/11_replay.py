@@ -224,9 +224,9 @@ figure
 #
 # When training is over, the memory is thrown away, and only the network is kept. What does the
 # network still know from all the flights? One thing worth knowing is that a building in the way
-# takes away most of the signal (notebook 1), but no input says so. In one layer the network sees
-# buildings, in another it sees data, and it has learned from rewards alone. Has it found out how
-# the two layers are related?
+# takes away most of the signal (notebook 1), but no input says so. The network sees buildings in
+# one layer and data in another, and it has learned from rewards alone. Has it found out how the two
+# layers are related?
 #
 # Let us ask it. Take states in which a device is close but hidden, and wipe out the buildings
 # between the UAV and the device, without touching the layer that says where the UAV may fly. If the

@@ -354,7 +354,7 @@ for radio in worlds:
 # as good.
 #
 # Under the ray-traced model, two lines gain next to nothing: with ten flights, they change the return by −1.1 to +0.7,
-# depending on the survey. What counts is *which* link is bad, and finding that out takes the second way and many flights.
+# depending on the survey. What counts is *which* link is bad, and only the second way, with many flights, finds that out.
 # Link by link, ten flights change the return by −0.5 to +1.2; a hundred gain about 60 % of what the truth would gain (95 %
 # interval: 46 to 72 %). That is 0.55 units of a return of 32, gained mostly in Munich.
 #
