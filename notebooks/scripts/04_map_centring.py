@@ -139,10 +139,10 @@ figure.legend(loc="outside right upper", fontsize="small");
 # units left and nothing to fetch, so the agent had little to learn them from. No orange point comes
 # near the black line.
 #
-# Without the time, what the agent sees, its **observation**, would not be a **Markov** state,
-# because the future would depend on something that the agent cannot see. The problem would be
-# *partially observable*, a **POMDP** (3.2). With the time it is not, because the map and the time
-# together hold all of the state that matters.
+# If the time were left out, what the agent sees (its **observation**) would not be a **Markov**
+# state, because the future would depend on something that the agent cannot see. The problem would
+# be *partially observable*, a **POMDP** (3.2). With the time it is not, because the map and the
+# time together hold all of the state that matters.
 #
 # The layer "data left" is there for the same reason. Without it the agent would not see a device
 # until some of its data had come in, and even then it would not see how much was left, so it could

@@ -220,7 +220,7 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # target network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. (The deep
 # Q-network of 2015 made *hard* updates instead: a full copy every 10,000 updates.) With
 # $\tau=0.00001$ the targets would stay meaningless for the whole run; with $\tau=1$ both networks
-# are the same. Here is $\tau=0.05$:
+# would be identical. Here is $\tau=0.05$:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]

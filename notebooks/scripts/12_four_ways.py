@@ -318,7 +318,7 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # ## 12.6 What the labels cost
 #
 # A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Here all
-# that was possible, and copying was the quickest way to a good agent. Where nobody can write down the channel, one has to
+# of this was possible, and copying was the quickest way to a good agent. Where nobody can write down the channel, one has to
 # measure it or learn from reward. An agent that was told more had a head start, so compare agents only with others that were
 # told the same.
 #

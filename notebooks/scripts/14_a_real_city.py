@@ -309,7 +309,7 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 #
 # 1. **Two lines.** Fit a line to the SNRs in sight and another to those behind buildings. Because links that are too weak to hear count as −30 dB, the
 #    second line is much flatter than in 14.3 and promises too much deep in the shadow.
-# 2. **Link by link.** Correct these lines by what was heard *nearby*: if a device in the next cell was 15 dB below the line, a device in this one
+# 2. **Link by link.** Correct these lines by what was measured *nearby*: if a device in the next cell was 15 dB below the line, a device in this one
 #    probably is, too.
 #
 # For the second way, let $e$ be how far each measured SNR is above its line. Each measurement gets a weight $w$, which is 1 for
@@ -317,7 +317,7 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum w\,e}{1 + \sum w}$$
 #
-# The 1 in the denominator is the line's own weight, so where nothing was heard nearby, the line stays as it is. The weights
+# The 1 in the denominator is the line's own weight, so where nothing was measured nearby, the line stays as it is. The weights
 # ignore walls, which is crude. The method is **kernel smoothing**, a relative of Gaussian process regression.
 
 # %%

@@ -32,6 +32,12 @@ def touching(start, end, cell):
     return inside(start, end, cell) and distance <= limit
 
 
+def by_its_slope(start, end, cell):
+    rows, cols, r, c = end[0] - start[0], end[1] - start[1], cell[0] - start[0], cell[1] - start[1]
+    slope = cols / rows if rows else 0.0
+    return inside(start, end, cell) and (not rows or 2 * abs(c - slope * r) < 1 + abs(slope))
+
+
 def sampled(start, end, cell):
     share = np.linspace(0, 1, 200)
     rows = np.rint(start[0] + share * (end[0] - start[0]))
@@ -482,6 +488,7 @@ MISTAKES = {
             ),
             "32-bit",
         ),
+        (by_its_slope, "only touches a cell"),
     ],
     "shadow_map": [
         (lambda b, d: b.copy(), "hides everything behind it"),

@@ -23,6 +23,13 @@ def between(start, end, cell):
 DRAWN = [tuple(map(tuple, c)) for c in stream(Use.EXERCISE, 2).integers(0, 9, (400, 3, 2)).tolist()]
 TOUCHING = [c for c in DRAWN if between(*c) and len({*off_the_line(*c)}) == 1 and c[0] != c[1]]
 APART = [case for case in DRAWN if case not in TOUCHING]
+# Every corner that a ray of up to ten rows and columns touches, in all four directions
+TOUCHING += [
+    ((0, 0), (down * R, right * C), (down * r, right * c))
+    for R, C in np.ndindex(11, 11) for r, c in np.ndindex(R + 1, C + 1)
+    if 2 * abs(R * c - C * r) == R + C > 0
+    for down in (1, -1) for right in (1, -1)
+]
 
 
 @exercise(
