@@ -86,8 +86,8 @@ cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 #
 # A test is worth nothing if training has seen its missions, so training, validation and test each
 # need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and
-# `seed + 2`. Compare the validation numbers of seed 0 with the training numbers of seed 1, drawn first by
-# this habit and then by our `stream`:
+# `seed + 2`. Compare the validation numbers of seed 0 with the training numbers of seed 1, drawn
+# first by this habit and then by our `stream`:
 
 # %%
 from uavdh_lite.streams import Use, stream
