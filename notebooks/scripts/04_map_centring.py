@@ -139,7 +139,7 @@ figure.legend(loc="outside right upper", fontsize="small");
 # units left and nothing to fetch, so the agent had little to learn them from. No orange point comes
 # near the black line.
 #
-# If the time were left out, what the agent sees (its **observation**) would not be a **Markov**
+# Without the time, what the agent sees (its **observation**) would not be a **Markov**
 # state, because the future would depend on something that the agent cannot see. The problem would
 # be *partially observable*, a **POMDP** (3.2). With the time it is not, because the map and the
 # time together hold all of the state that matters.
