@@ -74,20 +74,19 @@ def executed(script: Path) -> nbformat.NotebookNode:
     return notebook
 
 
-def sentences(text: str, count: int) -> str:
-    """The first sentences of Markdown, without headings, tables, folded hints and pictures."""
+def sentences(text: str) -> list[str]:
+    """The sentences of Markdown, without headings, tables, folded hints and pictures."""
     text = re.sub(r"(?s)<details>.*?</details>|\$\$.*?\$\$|```.*?```", "", text)
     parts = [p for p in re.split(r"\n\s*\n", text) if p.strip() and p.strip()[0] not in "#|<!-"]
     words = " ".join(" ".join(parts).split()).replace("**", "")
     words = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", words)  # a link leads nowhere from here
-    found = re.split(r"(?<=[.?!])\s+(?=[A-Z`$*])", words)
-    return " ".join(found[:count])
+    return re.split(r"(?<=[.?!])\s+(?=[A-Z`$*])", words)
 
 
 def _caption(text: str) -> str:
     """One of the first sentences of Markdown: the first that can stand by itself, if one can."""
-    found = [sentences(text, count)[len(sentences(text, count - 1)) :] for count in (1, 2, 3)]
-    return next((s.strip() for s in found if s and not LEANS.match(s.strip())), found[0])
+    found = sentences(text)[:3]
+    return next((sentence for sentence in found if not LEANS.match(sentence)), found[0])
 
 
 def slides_of(notebook: nbformat.NotebookNode) -> list[tuple[str, str, dict | None]]:
@@ -105,7 +104,7 @@ def slides_of(notebook: nbformat.NotebookNode) -> list[tuple[str, str, dict | No
             after = next((c.source for c in cells[k + 1 :] if c.cell_type == "markdown"), "")
             before = next(c.source for c in cells[k::-1] if c.cell_type == "markdown")
             first = not slides
-            said = sentences(before, 2) if first else _caption(after) or _caption(before)
+            said = " ".join(sentences(before)[:2]) if first else _caption(after) or _caption(before)
             slides.append((heading, said, data))
             empty = False
         ends = all(c.cell_type == "markdown" and c.source[:1] == "#" for c in cells[k + 1 : k + 2])
@@ -113,7 +112,7 @@ def slides_of(notebook: nbformat.NotebookNode) -> list[tuple[str, str, dict | No
             start = next(
                 c for c in cells[k::-1] if c.source.startswith(("# " + heading, "## " + heading))
             )
-            said = sentences(start.source, 3)
+            said = " ".join(sentences(start.source)[:3])
             if said and said[-1] != ":":  # what would follow is not on the slide
                 slides.append((heading, said, None))
             empty = False

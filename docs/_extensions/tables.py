@@ -53,8 +53,8 @@ BEST_GENIE = {BOTH: "genie_data", "return": "genie"}
 SEEDS = ["seed 0", "seed 1", "seed 2"]
 PARTS_OF_RUN = (0.075, 0.25, 0.5, 0.75, 1)
 LADDER = {
-    "random": "random",
-    "greedy": "greedy: flies to the nearest device, and home in time",
+    "random": PLANNERS["random"],
+    "greedy": PLANNERS["greedy"],
     "orienteering": "orienteering: the best order of devices",
     "plain": "the paper's algorithm with nothing added: agents of {steps} of a million steps",
     "ddqn": "strengthened DDQN, `lite`",
@@ -64,8 +64,8 @@ LADDER = {
     "copy": "imitation of the teacher",
     "imitation": "imitation, then reward",
     "teacher": "the teacher: a genie with a narrow search",
-    "genie_data": "genie that plans for the data",
-    "genie": "genie that plans for the return",
+    "genie_data": PLANNERS["genie_data"],
+    "genie": PLANNERS["genie"],
 }
 KNOWLEDGE = {
     "map": "map",

@@ -96,10 +96,11 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
 def _one_for_each(sheets: list[Sheet], folders: list[Path]) -> list[Sheet]:
     """Without those that are missing here because the student has another folder, or is listed."""
     given = {path.name: {p.name for p in path.glob("[!.]*")} for path in folders}
+    names = {folder: re.sub(r"_\d+$", "", folder) for folder in given}
     kept: list[Sheet] = []
     for sheet in sorted(sheets, key=lambda one: one.missing):
-        name, own = re.sub(r"_\d+$", "", sheet.student), given[sheet.student]
-        others = [one.student for one in kept if re.sub(r"_\d+$", "", one.student) == name]
+        own = given[sheet.student]
+        others = [o.student for o in kept if names[o.student] == names[sheet.student]]
         if not (sheet.missing and own and any(own.isdisjoint(given[one]) for one in others)):
             kept.append(sheet)
     return sorted(kept, key=lambda one: one.student)

@@ -379,7 +379,7 @@ export class Session {
     },
     undo({ by }) {
       const at = this.next(by);
-      const { [at]: there } = this.history;
+      const there = this.history[at];
       require(there, `there is nothing more to ${by < 0 ? "undo" : "redo"}`);
       const { mission, tool } = this.stage;
       [this.at, this.last] = [at, ["undo", 0]];

@@ -49,8 +49,10 @@ function chooser(label, name, pairs, chosen) {
   return `<span class="chooser">${term(label)} <select data-set="${name}"
     aria-label="${label}">${options(pairs, chosen)}</select>${WORDS[shown] ? term(shown, "?") : ""}</span>`;
 }
-const choosePolicy = ({ state }, which, label) =>
-  chooser(label, `policy-${which}`, state.known, state.policies[which]);
+/** The row in which both rivals are chosen, and who cannot fly over this city. */
+const choosePolicies = ({ state }, ...labels) =>
+  `<div class="row">${labels.map((label, k) => chooser(label, `policy-${k}`, state.known, state.policies[k])).join("")}` +
+  `<small>${escaped(state.absent)}</small></div>`;
 
 // Colours of a scale from 0 to 1, which colour-blind readers can follow too (viridis)
 const SCALE = ["68 1 84", "59 82 139", "33 145 140", "94 201 98", "253 231 37"].map((rgb) => rgb.split(" ").map(Number));
@@ -179,7 +181,7 @@ export const TOOLS = {
       return `<h2>${explained(verdict)}</h2><p class="why">${explained(why.join(" "))}</p>
         <div class="row">${go}</div>
         <div class="row">Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
-        <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}<small>${escaped(scene.state.absent)}</small></div>
+        ${choosePolicies(scene, "left", "right")}
         <table>${flown}${average(scene)}</table><div class="row">${manyButton}${ring}</div>`;
     },
     over({ film, panel }, k) {
@@ -318,7 +320,7 @@ export const TOOLS = {
         <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
         <table>${average(scene)}</table>
-        <div class="row">${choosePolicy(scene, 0, "first")}${choosePolicy(scene, 1, "second")}<small>${escaped(scene.state.absent)}</small></div>`;
+        ${choosePolicies(scene, "first", "second")}`;
     },
     over: () => '<path class="shadow live"/><path class="fresh"/>',
     point(stage, { panel }, cell) {
