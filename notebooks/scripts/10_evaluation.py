@@ -40,7 +40,7 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Compare the agent with the paper's and, on the same 1000 missions, with chance and two planners; find the missions in which it falls behind; fly one mission again with different luck |
+# | **What you'll do** | Compare the agent with the paper's and, on the same 1000 missions, with a random pilot and two planners; find the missions in which it falls behind; fly one mission again with different luck |
 # | **What you'll learn** | Random streams, Wilson's interval, why the best checkpoint looks too good, how many missions a claim needs |
 # | **What you'll need** | Notebooks 3, 7 and 8. 55 minutes to read, 20 seconds to run; 24 minutes of exercises |
 #
@@ -53,7 +53,7 @@ figure
 # | --- | --- |
 # | the agent | the map, the devices, their data and the time that is left. It has learned what to do by a strengthened form of the paper's method |
 # | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
-# | genie | the same and, from every cell to every device, the mean rate (strictly, the slightly lower rate without fading). It searches whole flights for the one with the most data |
+# | genie | the same, plus the mean rate from every cell to every device (strictly, the slightly lower rate without fading). It searches whole flights for the one with the most data |
 # | random | nothing. It picks its actions at random |
 #
 # Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`.
@@ -78,16 +78,14 @@ def recorded(city):
 cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 
 # %% [markdown]
-# The score is *collected and landed*: the share of the data that a flight brings home, or 0 after a
-# crash. This score depends on no constants, whereas the *return* does: a step costs 0.2 and a crash
-# 150, as in notebook 3.
+# The score is *collected and landed*: the share of the data that a flight brings home, or 0 after a crash. Unlike the *return*, it
+# does not depend on penalties that somebody chose: 0.2 for a step and 150 for a crash in notebook 3.
 #
 # ### Random numbers
 #
-# A test is worth nothing if training has seen its missions, so training, validation and test each
-# need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and
-# `seed + 2`. Compare the validation numbers of seed 0 with the training numbers of seed 1, drawn
-# first by this habit and then by our `stream`:
+# A test is worth nothing if training has seen its missions, so training, validation and test each need random numbers of their own. A common
+# habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Compare the validation numbers of seed 0 with the training numbers of seed 1,
+# drawn first in this way and then with our `stream`:
 
 # %%
 from uavdh_lite.streams import Use, stream
@@ -101,7 +99,7 @@ for way in (habit, stream):
     print(f"{way.__name__:<7} equal numbers: {equal}")
 
 # %% [markdown]
-# With this habit, the run of seed 1 trains on the very missions by which the agent of seed 0 is
+# With this habit, the run with seed 1 trains on the very missions by which the agent of seed 0 is
 # chosen, and two runs that should be independent share their luck.
 #
 # The library makes every generator with `stream(use, seed)`. The use and the seed go into numpy's `SeedSequence` as two separate
@@ -130,10 +128,11 @@ for city, results in cities.items():
 # What the table does say is that on maps that fit the same description, a strengthened form of the
 # method reaches the paper's level.
 #
-# ### What three shares tell
+# ### What the three shares tell you
 #
-# Take the paper's Manhattan column: 99.5 % landed, 94.8 % collected, 94.6 % both. The
-# difference between the last two is data that was collected and then lost in a crash. Divide it by the share of crashes:
+# Take the paper's numbers for Manhattan: 99.5 % landed, 94.8 % collected, 94.6 % both. The
+# difference between the last two is data that was collected and then lost in a crash. Divide it by
+# the share of flights that crashed:
 
 # %%
 landed, collected, both = RESULTS["manhattan"].values()
@@ -141,10 +140,10 @@ print(f"the flights that crashed had collected {(collected - both) / (1 - landed
 print(f"the flights that landed had collected  {both / landed:.0%}")
 
 # %% [markdown]
-# In the paper's own test, the flights that crashed had collected about 40 % of their data. This
-# number, which the paper does not print, is rough, because with shares rounded to a tenth of a
-# percent, anything from 18 to 67 % is possible. Even so, it is far below the 95 % of the other
-# flights, so staying out for the last bit of data cannot explain all of those crashes.
+# In the paper's own test, the flights that crashed had collected about 40 % of their data. The
+# paper does not print this number, and it is rough: with shares rounded to a tenth of a percent,
+# anything from 18 to 67 % is possible. Even so, it is far below the 95 % of the other flights, so
+# staying out for the last bit of data cannot explain all of those crashes.
 #
 # ### All of them landed
 #
@@ -180,9 +179,8 @@ for count in (995, 999, 1000):
 # Is an agent with 999 landings safer than one with 995? Together they crashed six times. If both were equally safe, each crash would be
 # a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
 #
-# The intervals of all other means come from notebook 8's bootstrap. Either kind of interval covers
-# luck in the missions, but not luck in training. For a claim about a *method*, the sample has to
-# consist of training runs.
+# Scores that are more than a yes or no, such as *collected*, have their intervals from notebook 8's bootstrap. Either kind of interval covers
+# luck in the missions, but not luck in training. For a claim about a *method*, the sample has to consist of training runs.
 #
 # ## 10.3 Next to the planners
 #
@@ -196,12 +194,12 @@ for city, results in cities.items():
         print(f"{city:<11}{policy:<8}", *means, f"return {one['return'].mean():6.2f}", sep="  ")
 
 # %% [markdown]
-# The random pilot lands in four missions out of five, because it starts in the landing zone and soon draws `land`, but it brings
-# home next to nothing.
+# The random pilot lands in four missions out of five, because it starts in the landing zone and
+# soon draws `land`, but it brings home only 6 to 12 % of the data.
 #
 # Greedy does about as well as the trained network. A paper without such a baseline does not show
-# that its learner was worth the training. Which of the two is ahead, the agent or greedy? The
-# paired differences answer that:
+# that its agent was worth the training. Which of the two is ahead, the agent or greedy? The paired
+# differences answer that:
 
 # %%
 for city, results in cities.items():
@@ -212,19 +210,16 @@ for city, results in cities.items():
 
 # %% [markdown]
 # Over Manhattan, greedy is ahead in both scores, and neither interval contains 0. Over the open
-# field, greedy brings home a point more, but the agent's return is higher because it wastes less
-# time, whereas greedy stays for the last unit of data, whatever that costs. So which of them is
+# field, greedy brings home one percentage point more, but the agent's return is higher because it
+# wastes less time, whereas greedy stays for the last unit of data at any cost. So which of them is
 # better depends on the question that you ask.
-#
-# All of this is about two particular agents. Another training seed would have produced different ones.
 #
 # ## 10.4 The best of many checkpoints
 #
 # While an agent learns, it is validated again and again. The network as it stands at such a moment
-# is called a *checkpoint*, and the best checkpoint is kept. But the validation score of this
-# checkpoint is too high. To see why, imagine 20 checkpoints that are all equally good. Each flies
-# missions of its own, drawn from the 1000 above, and you report the best of the 20. Repeat that 300
-# times:
+# is called a *checkpoint*, and the best checkpoint is kept. But its validation score flatters it.
+# To see why, imagine 20 checkpoints that are all equally good. Each flies missions of its own,
+# drawn from the 1000 above, and you report the best of the 20 scores. Repeat that 300 times:
 
 # %%
 values = cities["manhattan"]["agent"][BOTH]
@@ -237,13 +232,14 @@ for missions in (200, 1000):
 # %% [markdown]
 # All checkpoints are equally good, and yet the best one seems better than it is, because it was
 # chosen for its luck. With 200 missions this illusion, a **selection bias**, amounts to more than a
-# point. More missions shrink it, but do not remove it. What helps is another set of missions, which
-# had no say in the choice. That is why validation and test are two different streams.
+# percentage point. More missions shrink it, but do not remove it. What helps is another set of
+# missions, which had no say in the choice. That is why validation and test are two different
+# streams.
 #
 # ## 10.5 Which missions go badly?
 #
-# Split the missions by their flying time or by their number of devices, and ask in each group how
-# far the agent is behind the genie and behind greedy:
+# Split the missions by their flying time or by their number of devices, and see how far the agent
+# is behind the genie and behind greedy in each group:
 
 # %%
 from uavdh_lite.experiments.comparison import breakdown
@@ -269,12 +265,12 @@ figure
 # what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings
-# home 98 to 99 %. So hard missions are hard for both, and it is in easy missions that the agent could do better. With eight groups
-# in one figure, treat any single one as no more than a hint.
+# home 98 to 99 %. So hard missions are hard for both, and it is in the easy ones that the agent falls behind. With eight groups in
+# one figure, treat any single one as no more than a hint.
 #
 # ## 10.6 Failures, one by one
 #
-# To see *what* goes wrong, fly again the missions in which the agent is furthest behind the genie:
+# To see *what* goes wrong, fly the worst missions again, those in which the agent is furthest behind the genie:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -308,7 +304,7 @@ from uavdh_lite.player import play
 play(agent.environment, flights.trajectory(worst[0]))
 
 # %% [markdown]
-# Such flights catch the eye, but how much do they matter? Sort all missions by how much was lost:
+# Such flights catch the eye, but how much do they matter? Group all missions by the *loss*, that is, by how far the agent is behind the genie:
 
 # %%
 much, little = lost >= 0.3, (lost > 0) & (lost < 0.3)
@@ -316,7 +312,7 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
     print(f"{name:<18}{own.sum():>4} missions, {lost[own].sum() / lost.sum():z4.0%} of the loss")
 
 # %% [markdown]
-# One mission in thirty accounts for nearly half of the loss. The rest is spread thin over almost
+# One mission in thirty accounts for nearly half of the loss. The rest is spread thinly over almost
 # one mission in four, and in most missions nothing is lost. So a mean of 96 % does not stand for a
 # thousand flights that bring home 96 % each. Most flights are as good as the genie's, and a few are
 # bad.
@@ -325,7 +321,7 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
 #
 # An interval shrinks with the square root of the number of missions, so halving it takes four times as many. If $\sigma$ is the
 # standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes
-# $n = (1.96\,\sigma/h)^2$ missions. Say you want to know greedy's lead to within half a point:
+# $n = (1.96\,\sigma/h)^2$ missions. Say you want to know greedy's lead over the agent to within half a point:
 
 # %%
 for name, results in cities.items():
@@ -367,15 +363,14 @@ two = {"one draw": first.trajectory(0), "another": second.trajectory(0)}
 play(agent.environment, two)
 
 # %% [markdown]
-# These two flights are alike for more than half of the time, but then they part; the 40 draws give 15 different paths. The agent
-# sees luck only through the data that is left, where a little more or less can tip a decision. Yet luck makes no difference to what is brought
-# home here: a flight has some two hundred communication slots, and over so many of them most of the luck averages out.
+# These two flights are alike for more than half of the time, but then they part; the 40 draws give 15 different paths. The agent sees luck
+# only through the data that is left, where a little more or less can tip a decision. Yet luck makes no difference to what is brought home
+# here: a flight has 240 communication slots, and over so many most of the luck averages out.
 #
 # ## 10.9 One thing changed
 #
-# The paper shows its open-field agent in two missions that differ in one thing only. In the first,
-# both devices hold the same amount of data. In the second, the far one holds only a quarter of it.
-# Guess what changes:
+# The paper shows its open-field agent in two missions that differ in one thing only. In the first, both devices hold the same
+# amount of data. In the second, the far one holds only a quarter of that. Guess how the flight changes:
 
 # %%
 Quiz("one_quarter")
@@ -394,11 +389,10 @@ add_legend(figure, 2)
 figure
 
 # %% [markdown]
-# The network and the places are the same in both flights. Both times the UAV empties the near
-# device first and then flies towards the far one. With equal data it flies right up to the far
-# device; with a quarter of the data there, it turns for home two cells short of the device. In a
-# single flight that might be luck, but it is not: in the 20 draws printed above, every flight with
-# a quarter of the data is shorter than every flight with equal data.
+# Both times the UAV empties the near device first and then flies towards the far one. With equal
+# data it flies right up to the far device; with only a quarter of the data there, it turns for home
+# two cells short of it. That is not luck: in the 20 draws above, every flight with a quarter of the
+# data is shorter than every flight with equal data.
 #
 # ## Recap
 #

@@ -71,13 +71,13 @@ for variant, size in SIZES.items():
 # %% [markdown]
 # In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps in the
 # memory, all three runs come close to greedy. With 4,000 steps, and even with 1,000, most runs are
-# only a little behind these, and the ranges of the three sizes overlap. With 250 steps, not even
-# sixteen for each of the 16 UAVs, the runs bring home 46 to 81 % of the data: two of them end far
-# below all others, and the third does only about as well as the worst of the runs with 4,000 steps.
+# only a little behind those three, and the ranges of the three sizes overlap. With 250 steps, the
+# runs bring home 46 to 81 % of the data: two of them end far below all others, and the third does
+# only about as well as the worst of the runs with 4,000 steps.
 #
 # All runs make the same number of updates, and each update draws the same number of steps. So what does a small memory lack?
 #
-# ## 11.2 How old is what it learns from?
+# ## 11.2 How old are the drawn steps?
 #
 # A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the
 # oldest. The recipe has 16 UAVs, which fly their missions side by side. Whenever all 16 have made a
@@ -145,9 +145,11 @@ def update(network, optimizer, drawn):
     optimizer.step()
 
 # %% [markdown]
-# Halfway through, the missions change. For the first 1000 updates the device is *near*, in one of the cells 1 to 5. After that it is
-# *far*, in one of the cells 7 to 11. Before each update, 16 random steps of the current kind of mission go into the memory. Every 50 updates
-# we ask in what share of the states the network's best action is a right one, separately for near devices and for far ones.
+# Halfway through training, the missions change. For the first 1000 updates the device is *near*, in
+# one of cells 1 to 5. After that it is *far*, in one of cells 7 to 11. Before each update, 16
+# random steps of the current kind of mission go into the memory. Every 50 updates we ask in what
+# share of the states the network's best action is a right one, separately for near devices and for
+# far ones.
 
 # %%
 kinds = {"near": (1 <= device) & (device <= 5), "far": device >= 7}
@@ -172,9 +174,9 @@ def learn(capacity, seed):
     return shares
 
 # %% [markdown]
-# A memory of 32,000 steps holds everything that is ever flown here, whereas one of 200 steps holds
-# only the steps of the last twelve updates. There are five runs with each memory. Thin lines are
-# runs, bold lines are means, and the missions change at the dotted line:
+# A memory of 32,000 steps holds every step that ever goes into it here, whereas one of 200 steps holds
+# only the steps of the last twelve updates. There are five runs with each memory. Thin lines are runs,
+# bold lines are means, and the missions change at the dotted line:
 
 # %%
 runs = {size: np.array([learn(size, seed) for seed in range(5)]) for size in (200, 32_000)}
@@ -193,22 +195,20 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Look at the left side first. While the device is near, the networks learn these missions with
-# either memory. Then the missions change. With a memory of 200 steps, the share of right actions
-# drops steeply in every run, on average from nine states in ten to about four. Nothing was wrong
-# with what the network knew, but it was overwritten: an update for one state moves weights that
-# other states use as well, and the memory no longer holds a step that would correct them. This is
-# called **catastrophic forgetting**. Later the share recovers in part, because far and near
-# missions have something in common.
+# Look at the left side first. While the device is near, the networks learn such missions with either memory. Then the missions change. With a
+# memory of 200 steps, the share of right actions drops steeply in every run, on average from nine states in ten to about four. Nothing was wrong
+# with what the network knew, but it was overwritten: an update for one state moves weights that other states use as well, and the memory no
+# longer holds a step that would change them back. This is called **catastrophic forgetting**. Later the share recovers in part, probably because
+# far and near missions have much in common, such as the way home.
 #
 # With the large memory, hardly anything is lost. Near missions are no longer flown, but their steps
 # are still drawn, so the network has to stay right about them.
 #
 # Now look at the right side. By the end the small memory is ahead on average, though some runs
-# overlap. It holds only steps of far missions, whereas even at the end, half of the samples from
-# the large one are steps of near missions. So a large memory keeps what is no longer flown, but it
-# is slow to follow when the world changes. **Combined replay**, which puts the newest step into
-# every minibatch, shortens this delay.
+# overlap. It holds only steps of far missions, whereas even at the end, half of the steps drawn
+# from the large one come from near missions. So with a large memory, a network remembers what is no
+# longer flown, but is slow to adapt when the world changes. **Combined replay**, which puts the
+# newest step into every minibatch, shortens this delay.
 #
 # **Prioritised replay** goes further, and draws steps with a large error more often. But a Q-value
 # is a mean over good and bad luck, and if lucky steps, for example, are drawn too often, that mean
@@ -300,8 +300,7 @@ figure
 # The triangle is the UAV, and the blue cross is the device. Wiping out what is orange clears the way between the two, whereas wiping out
 # what is green changes nothing between them. By how much does the network's largest Q-value rise in each case?
 #
-# We ask two agents, one for each of the paper's cities, and for each of them also an untrained
-# network of the same shape.
+# We ask two agents, one for each of the paper's cities, and, to compare with each of them, an untrained network with the same layers.
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -327,12 +326,10 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
               f"above 0 in {(gains[0] > gains[1]).mean():.0%}")
 
 # %% [markdown]
-# The untrained networks hardly notice. Both trained ones expect more reward when any buildings
-# disappear, and clearly more still when those buildings were in the way. So they have learned from
-# rewards that buildings *between* the UAV and a device cost something, and they look for such
-# buildings. One doubt is left: the control lies not only on the other side of the UAV, but also
-# farther from the *device*. If the networks value open space around a device for another reason,
-# that, too, would explain part of the difference.
+# The untrained networks hardly notice. Both trained ones expect more reward when any buildings disappear, and they expect clearly more when
+# those buildings were in the way. So they have learned from rewards that buildings *between* the UAV and a device cost data, and they look
+# for such buildings. One doubt is left: the control lies not only on the other side of the UAV, but also farther from the *device*. If the
+# networks value open space around a device for another reason, that could explain part of the difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are
 # worth: 3 % of their value over Manhattan and 15 % over the open field. In three or four states out
@@ -340,15 +337,15 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 # new to such a network. The test shows what the network looks at, but not how well it would fly
 # there.
 #
-# This way of asking, a **perturbation analysis**, works for any network and many questions: change
-# one thing in the input that should matter, change something similar that should not, and compare.
+# This way of asking, a **perturbation analysis**, works for any network and many questions: change one thing
+# in the input that should matter, change something similar that should not, and compare the effects.
 #
 # ## Recap
 #
 # - With replay, an agent learns from each step several times, and from the steps of many flights at
 #   once.
 # - A small memory holds only what is being flown now, and what the network knew of other missions is overwritten.
-# - A large memory keeps the past alive, but is slower to follow when the world changes.
+# - With a large memory, a network remembers earlier missions, but adapts more slowly when the world changes.
 # - A network can learn what no input says, such as that walls cost data.
 # - To see what a network looks at, change its input, and compare the effect with that of a control.
 #

@@ -1,9 +1,10 @@
 # %% [markdown]
 # # 12 · Four ways to knowledge
 #
-# The paper's agents learn from reward alone: they are told nothing but the map, and find out the rest by flying. How else can
-# knowledge get into an agent? You can **guarantee** something by a rule, **tell** the agent something as one more layer of the map,
-# let it **copy** a planner, or let it **learn** from reward. The figure shows what each way is worth, alone and together with others.
+# The paper's agents learn from reward alone: they are told nothing but the map, and find out the rest by flying. How else
+# can knowledge get into an agent? Besides letting it **learn** from reward, you can **guarantee** something by a rule,
+# **tell** the agent something as one more layer of the map, or let it **copy** a planner. The figure compares agents that
+# got their knowledge in one or more of these ways.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -62,20 +63,21 @@ draw_ways()
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Watch a rule bring a random policy home, look at maps of what can be computed, follow a planner, and compare agents that know more and less |
+# | **What you'll do** | Watch a rule bring a random policy home, look at maps of what can be computed, follow a planner, and compare agents that were told more or less |
 # | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
 # | **What you'll need** | The course, notebooks 0 to 9. 45 minutes to read, 30 seconds to run; 27 minutes of exercises |
 #
-# Each row shows one recipe in three runs, one for each seed, recorded with an earlier version of the program over an earlier
-# map of Manhattan, which had eight low buildings. In the upper four rows the agents learn from reward, in the next four they
-# copy a planner, and in the last one they copy first and then learn from reward. All runs within a group are equally long. The
-# agents that learn from reward without a guarantee are trained with the penalties of the recipe `lite` of notebook 7, and half
-# of their flights begin in mid-air. Higher returns lie further right. The rest of this notebook explains the words on the
-# left.
+# Each row shows one recipe in three runs, one for each seed, recorded with an earlier version of
+# the program over an earlier map of Manhattan, on which the buildings on eight cells were low. In
+# the upper four rows the agents learn from reward, in the next four they copy a planner, and in the
+# last one they copy first and then learn from reward. All runs within a group are equally long. The
+# agents that learn from reward without a guarantee are trained with the penalties of the recipe
+# `lite` of notebook 7, and half of their flights begin in mid-air. Higher returns lie further
+# right. The rest of this notebook explains the words to the left of the rows.
 #
 # ## 12.1 Guarantee: the failsafe
 #
-# The paper's agent learns from crashes how to land, and each crash costs 150. A rule can bring the UAV home without a single crash.
+# The paper's agent learns from crashes to be home in time, and each crash costs 150. A rule can bring the UAV home without a single crash.
 # From the map one can count the moves from each cell to the nearest landing zone, so one knows the last moment at which to turn back:
 
 # %%
@@ -101,7 +103,7 @@ figure
 # $$\text{time to land}(\text{next cell}) > b - 1$$
 #
 # The failsafe replaces such an action by the first move home. Many drones have a function like this, called *return to home*.
-# Does it work for any policy? Try one that knows nothing:
+# Does the failsafe work for any policy? Try one that knows nothing:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -122,17 +124,17 @@ for name, one in {"paper": Environment(city), "failsafe": environment}.items():
 assert flights["landed"].all()
 
 # %% [markdown]
-# All flights land, and always will as long as the map is right and no wind makes a step longer. But the return is still poor, because random moves
-# collect little.
+# All flights with the failsafe land, and always will as long as the map is right and no wind makes
+# a step longer. But the return is still poor, because random moves collect little.
 #
 # What a rule guarantees need not be learned. No crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody
 # must know the rule.
 #
 # ## 12.2 Tell: maps of what can be computed
 #
-# The network of notebook 5 sees buildings, but it must find out from reward where devices can be heard and which way leads around a
-# block. The environment, however, knows the channel and the city, so it can compute the answers, which are added to the map as three
-# more layers:
+# The paper's network sees buildings, but it must find out from reward where devices can be heard
+# and which way leads around a block. The environment, however, knows the channel and the city, so
+# it can compute the answers, which are added to the map as three more layers:
 
 # %%
 from uavdh_lite.beyond.told import TOLD_LAYERS, ToldObservation
@@ -151,17 +153,19 @@ for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD_LAYERS):
 figure
 
 # %% [markdown]
-# Bright cells have large values. The triangle is the UAV, and the crosses are the devices. *Expected data* is roughly the
-# amount that one unit of time over a cell would bring without fading. It is an estimate that takes the best single device and
-# lets it send all the time; exercise 12.2 computes the sum slot by slot. In the formula, $R_k$ is the rate of device $k$
+# Bright cells have large values. The triangle is the UAV, and the crosses are the devices.
+# *Expected data* is roughly the amount that one unit of time over a cell would bring without
+# fading. It is an estimate, because it assumes that the best single device sends all the time;
+# exercise 12.2 computes the sum slot by slot. In the formula, $R_k$ is the rate of device $k$
 # without fading, and $\delta$ the number of slots in a unit of time:
 #
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
 #
-# Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* says how near a cell is to a
-# landing zone, and *way there* how near it is to the UAV: the fewer the moves, the brighter the cell. The moves lead around
-# buildings. Anyone who knows the city and the constants of the channel can work all of this out before the flight, whereas a
-# network that is not told has to find it out by flying.
+# Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* says
+# how near a cell is to a landing zone, and *way there* how near it is to the UAV: the fewer the
+# moves, the brighter the cell. The moves lead around tall buildings and no-fly zones. Anyone who
+# knows the city and the constants of the channel can work all of this out before the flight,
+# whereas a network that is not told has to find it out by flying.
 
 # %%
 Quiz("what_may_be_told")
@@ -230,8 +234,8 @@ Quiz("why_own_starts")
 # ## 12.4 Learn: what only reward can say
 #
 # The genie plans with mean rates, so it does not reckon with luck. And a copy makes errors that no further examples from the
-# genie's own flights would correct. Learning from reward needs neither teacher nor formula, because all that counts is how good
-# a flight was. So after copying, the shipped agents go on to learn from reward. They draw their actions from $\pi$, and fly
+# genie's own flights would correct. Learning from reward needs neither teacher nor formula, because all that counts is how good a
+# flight was. So the shipped agents that copy go on to learn from reward afterwards. They draw their actions from $\pi$, and fly
 # each mission eight times:
 
 # %%
@@ -253,19 +257,21 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 #
 # $$L = -A\,\log \pi(a \mid s)$$
 #
-# What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did in a bad one becomes less
-# likely. This is a **policy gradient** method: no network has to learn values. An agent that knows nothing would take very long
-# to learn in this way, because hardly any of its flights are good. After copying, learning in this way takes about twelve
-# minutes.
+# What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did
+# in a bad one becomes less likely. This is a **policy gradient** method: no network has to learn
+# values. An agent that knows nothing would take a very long time to learn in this way, because
+# hardly any of its flights are good. The agent `manhattan`, which had copied before, learned in
+# this way for only about twelve minutes.
 #
-# The paper's agents see the map, and learn the rest from reward. In principle they could learn even in a place whose channel
-# nobody can write down, if they could fly there millions of times, crashes included. In practice one trains in a simulator,
-# possibly with a model of the channel that was fitted to measurements (notebook 14).
+# The paper's agents see the map, and learn the rest from reward. In principle they could learn even
+# in a place whose channel nobody can write down, if they could fly millions of steps there, crashes
+# included. In practice one trains in a simulator, possibly with a model of the channel that was
+# fitted to measurements (notebook 14).
 #
 # ## 12.5 What each way is worth
 #
 # Here are the validation returns of the recorded runs, plotted against the minutes of training on one core. Because other
-# programs ran beside some of the runs, all three runs of each way are scaled to the length of the quickest. Returns below
+# programs ran beside some of the runs, all three runs of each recipe are scaled to the length of the quickest. Returns below
 # 10 are left out:
 
 # %%
@@ -308,19 +314,20 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 #   the copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
 # - **Learning**, after copying, adds 0.4 to 1.3 units of return within a minute.
 #
-# Look at the dashed and the solid lines of one colour to compare copying with learning, and at the colours to see what the guarantee and the told layers add.
-# Greedy's line is drawn for today's map, whereas the runs flew over the earlier one, so small differences from the line mean nothing. Still, none of these
-# short runs is clearly ahead of greedy.
+# To compare copying with learning, look at the dashed and the solid lines of one colour; to see
+# what the guarantee and the told layers add, compare the colours. Greedy's line is drawn for
+# today's map, whereas the runs flew over the earlier one, so small differences from the line mean
+# nothing. Still, none of these short runs is clearly ahead of greedy.
 #
-# Runs this short show which way learns sooner, not which is better in the end. The course's DDQN agent, for example, has no guarantee,
+# Runs this short show which recipe learns fastest, not which is best in the end. The course's DDQN agent, for example, has no guarantee,
 # but it learned for nearly four million steps instead of 80,000, and it does land.
 #
 # ## 12.6 What the labels cost
 #
-# A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Here all
+# A planner's labels are not free. Somebody has to know the channel's equations and the city, and has to write the search. Here all
 # of this was possible, and copying was the quickest way to a good agent. Where nobody can write down the channel, one has to
-# measure it or learn from reward. An agent that was told more had a head start, so compare agents only with others that were
-# told the same.
+# measure it or learn from reward. An agent that was told more had a head start, so compare agents only with others that were told
+# the same.
 #
 # Here are two agents that you can load, flown on 300 missions that are new to both:
 
@@ -344,7 +351,7 @@ for name, knows in agents.items():
 #   the learner gets into.
 # - Learning from reward needs neither a teacher nor anybody who knows the equations. Alone it is slow. After copying, it
 #   repairs some of what the copy got wrong.
-# - Before you compare an agent with others, say what it was told.
+# - Before you compare agents, say what each of them was told.
 #
 # ## Exercises
 #

@@ -48,12 +48,12 @@ figure
 # | | |
 # | --- | --- |
 # | **What you'll do** | Draw cities by the hundred, fly over one that you type yourself, compare seen with unseen cities, and look at the flights that go wrong |
-# | **What you'll learn** | Why a centred map carries over to a new city; what "unseen" proves; why missions in one city are worth less than missions in many; where a classic line algorithm goes wrong |
+# | **What you'll learn** | Why a centred map carries over to a new city; what "unseen" proves; why missions in one city tell you less than missions in many cities; where a classic line algorithm goes wrong |
 # | **What you'll need** | Notebooks 4, 8, 10 and 12. 55 minutes to read, 50 seconds to run; 22 minutes of exercises |
 #
 # ## 13.1 Cities by the thousand
 #
-# Nobody draws thousands of cities by hand. A generator draws them at random, in four kinds: streets with blocks, courtyards with
+# Nobody draws thousands of cities by hand. A generator draws them at random. They are of four kinds: streets with blocks, courtyards with
 # gates, an old town with narrow lanes, and scattered houses.
 
 # %%
@@ -73,8 +73,9 @@ figure
 # Every city is really eight cities, at no extra cost (**data augmentation**). Turn it by a right angle, or mirror it, and you
 # have another city with the same task. Only the actions have to turn with it, so that north becomes west, and so on.
 #
-# The agent `any_city` learned in cities of seed 0, with one of them drawn for each mission. Are any of the hundred among them?
-# A city's *fingerprint* is a number computed from its cells (a **hash**):
+# The agent `any_city` learned in cities of seed 0, with one of them drawn for each mission. Are any
+# of the hundred cities of seed 1 among them? A city's *fingerprint* is a number computed from its
+# cells (a **hash**):
 
 # %%
 import numpy as np
@@ -98,14 +99,14 @@ print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in b
 #
 # ## 13.2 Is one network enough?
 #
-# What has to change in the network? Hardly anything. It is the network of the agent `manhattan`, which copies a planner (notebook 12),
-# except that its first fully connected layer is twice as wide. The maps that it sees have always shown buildings, no-fly zones and
-# landing zones. But an agent with a single city can learn by heart what to do in each place, without looking at the buildings,
-# whereas an agent that wakes up in another city each time has to look.
+# What has to change in the network? Hardly anything. It is the network of the agent `manhattan`,
+# which copies a planner (notebook 12), except that its first fully connected layer is twice as
+# wide. The maps that an agent sees have always shown buildings, no-fly zones and landing zones. But
+# an agent with a single city can learn by heart what to do in each place, without looking at the
+# buildings, whereas an agent that wakes up in another city each time has to look.
 #
 # Let `any_city` fly 300 missions over the hundred unseen cities. The greedy rule, a random pilot and an agent that has learned only in
-# Manhattan fly the same missions. All of them have the *failsafe*, so a move that would make it impossible to be home in time is never
-# flown.
+# Manhattan fly the same missions. All four have the *failsafe*, so a move that would make it impossible to be home in time is never flown.
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval, evaluate
@@ -124,10 +125,11 @@ for name, record in records.items():
           f"collected and landed {record[BOTH].mean():5.1%}  return {record['return'].mean():5.1f}")
 
 # %% [markdown]
-# All flights land, so the pilots differ in how much of the data they collect. The Manhattan specialist brings home far more
-# than the random pilot, so something of what it learned holds elsewhere, too. But it falls well behind the agent that has
-# learned in many cities. The unknown streets are one likely reason; another may be that it was trained on narrower ranges of
-# flying time, data and numbers of devices.
+# All flights land, so the pilots differ mainly in how much of the data they collect. The Manhattan
+# specialist brings home far more than the random pilot, so something of what it learned holds
+# elsewhere, too. But it falls well behind the agent that has learned in many cities. The unknown
+# streets are one likely reason; another may be that the specialist was trained on narrower ranges
+# of flying time, data and numbers of devices.
 #
 # The greedy rule is a strong rival here, because it knows the shortest route between any two cells of any city. Whether the
 # difference between greedy and `any_city` is luck is a question for 13.5.
@@ -184,10 +186,10 @@ play(own.environment, flight.trajectory(0))
 # Does an agent do better in the cities that it learned in than in new ones? If it does, it has learned some of those cities by
 # heart, and more cities would help.
 #
-# To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or
-# 2000 cities, with three seeds for each number and 200,000 steps for each network. Each flew 500 missions over the cities that
-# it had learned in, and 500 more over 300 other cities. Because the two sets of cities are not equally hard, greedy flies the
-# same missions, and each network is compared with it:
+# To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or 2000
+# cities, with three seeds for each number of cities and 200,000 steps for each network. Each flew 500 missions over the cities that it
+# had learned in, and 500 more over 300 other cities. Because the two sets of cities are not equally hard, greedy flies the same
+# missions, and each network is compared with it:
 
 # %%
 from uavdh_lite.environment import Environment
@@ -235,10 +237,12 @@ figure
 # behind it elsewhere. With ten cities, the gap between the curves is about ten points, and with a hundred it is still about five.
 # With 2000 cities it is gone. That the curves even cross may be luck, because each point is a mean over only 500 missions.
 #
-# Notice what happens from left to right. The blue curve falls, because many cities are harder to know than one. The red curve rises, because
-# what holds in many cities also holds in the next. Where they meet, nothing is learned by heart any more, so what still holds the
-# networks back is something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new cities. The shipped agent
-# therefore copies a planner first, and only then learns from reward, as notebook 12 explains.
+# Notice what happens from left to right. The blue curve falls, because many cities are harder to
+# know than one. The red curve rises, because what holds in many cities also holds in the next one.
+# Where they meet, nothing is learned by heart any more, so what still holds the networks back is
+# something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new
+# cities. The shipped agent therefore copies a planner first, and only then learns from reward, as
+# notebook 12 explains.
 #
 # From 100 to 2000 cities the red curve rises by about a point. That is no more than the spread between seeds, so three short
 # runs cannot tell whether more cities help. And because all seeds learned in the same cities, their spread says nothing about
@@ -263,9 +267,10 @@ for what, groups in (("missions", None), ("cities", flown.start.city)):
     print(f"{what:<9}drawn again: {mean:.3f} ({low:.3f} to {high:.3f}), width {high - low:.3f}")
 
 # %% [markdown]
-# The second interval is clearly wider. Which one is right? If you want to know about these twelve cities, take the first. If you want
-# to know about *cities*, take the second, because next time twelve others will be drawn. If each mission had a city of its own, the
-# two intervals would be the same. So if you can choose, take many cities, with few missions in each.
+# The second interval is clearly wider. Which one is right? If you want to know about these twelve
+# cities, take the first. If you want to know about *cities in general*, take the second, because
+# next time twelve others will be drawn. If each mission had a city of its own, the two intervals
+# would be the same. So if you can choose, take many cities, with few missions in each.
 
 # %%
 Quiz("draw_cities_again")
@@ -280,9 +285,11 @@ mean, low, high = bootstrap_interval(lead, groups=cities)
 print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
-# Read the interval, and not only the mean. It is several points wide, although there were a hundred cities. In 3000 other missions
-# over 300 cities the lead was only 0.6 points, and its interval reached below 0 ([the results](../docs/results/four_ways.md)). So these
-# hundred cities were kind to the agent. Finding a lead of half a point takes thousands of missions over hundreds of cities.
+# Read the interval, and not only the mean. It is several points wide, although there were a hundred
+# cities. In 3000 other missions over 300 cities the lead was only 0.6 points, and its interval
+# reached below 0 ([the results](../docs/results/four_ways.md)). So these hundred cities probably
+# suited the agent better than most. To tell so small a lead from luck, even 3000 missions are too
+# few.
 #
 # ## 13.6 Where it fails
 #
@@ -308,7 +315,7 @@ figure
 # - The data lies behind walls or a no-fly zone, so the route to it is long. The greedy rule looks that route up in
 #   a table.
 #
-# Change `lead.argsort()` to `(-lead).argsort()`, and you will see the missions in which greedy is furthest behind.
+# Change `lead.argsort()` to `(-lead).argsort()`, and you will see the three missions in which greedy is furthest behind.
 #
 # ## 13.7 Shadows for every city
 #
@@ -339,10 +346,11 @@ for name, shares in (("wrong, of all links in sight", wrong), ("one direction on
 assert min(one_way) > 0.02
 
 # %% [markdown]
-# In each of the twelve cities, some links of the fan work in one direction only. Rounding is to blame: drawn from the other
-# end, the same line is rounded to different cells, and may run into a building there. Radio works the same both ways
-# (**reciprocity**), so no measurement was needed to know that the fan is wrong. Here is what the fan sees in the last of these
-# cities:
+# In each of the twelve cities, some links of the fan work in one direction only. Rounding is to
+# blame: drawn from the other end, the same line is rounded to different cells, and may run into a
+# building there. Radio works the same both ways (**reciprocity**), so no measurement was needed to
+# know that the fan is wrong. Here are the cells that a device sees in the last of these cities, by
+# the exact test and by the fan:
 
 # %%
 from uavdh_lite.plotting import draw_city
@@ -355,15 +363,15 @@ for ax, name, seen in zip(figure.subplots(1, 2), ("exact", "Bresenham's fan"), (
 figure
 
 # %% [markdown]
-# The fan mostly errs by seeing too much: it looks round several corners that block the exact ray. Does that matter to an agent? We do not know, because we
-# have not trained one with such shadows.
+# The fan errs mostly by seeing too much: it looks round several corners that block the exact ray.
+# Does that matter to an agent? We do not know, because we have not trained one with such shadows.
 #
 # ## Recap
 #
 # - A network with a single city can learn it by heart. One that wakes up in another city each time has to look.
 # - In the centred map, a wall to the east looks the same in every city.
 # - The more cities there are to learn in, the closer the scores over seen and unseen cities come to each other.
-# - *Unseen* means little until you say where the cities come from, so say it whenever you report a number for unseen cities.
+# - *Unseen* means little until you say where the cities come from, so say so whenever you report a number for unseen cities.
 # - Missions in one city share its walls. For a claim about cities, resample whole cities.
 # - A property that every right answer must have finds errors even where nobody knows the answers.
 #

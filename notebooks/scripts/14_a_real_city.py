@@ -55,7 +55,7 @@ figure
 #
 # The places are scenes from [Sionna RT](https://nvlabs.github.io/sionna/rt/), a ray tracer for radio waves: the old town of
 # Munich, the streets south of Florence's cathedral, the Arc de Triomphe, and a level part of San Francisco. Each is a square
-# 160 m on a side, or 16 × 16 cells.
+# 160 m on a side, or 16×16 cells.
 #
 # A cell is a *tall building* if at least half of it is covered by something higher than 10 m, the height at which the UAV
 # flies. Otherwise it is a *low building* if at least half of it is built on. The landing zone consists of the six free cells
@@ -79,8 +79,8 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2}\; d^{-\alpha_\ell}\; 10^{\eta_\ell/10}, \qquad \ell \in \{\text{LoS}, \text{NLoS}\} \qquad\text{(eq. 2)}$$
 #
-# Here $d$ is in metres, and $P/\sigma^2$ includes the gain at 1 m. This is a *statistical* model: the drop behind a building depends on the distance
-# only, and is 14 dB at 10 m and 27 dB at 100 m.
+# Here $d$ is in metres, and $P/\sigma^2$ includes the gain at 1 m. This is a *statistical* model:
+# the drop behind a building depends only on the distance, and is 14 dB at 10 m and 27 dB at 100 m.
 #
 # A **ray tracer** computes each link separately. It sends a million rays from the device. Walls and the ground reflect a ray,
 # with a loss that depends on the material, and an edge can bend it (**diffraction**). The tracer then adds up, cell by cell,
@@ -92,10 +92,10 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # without their phases, so there is no small-scale fading. We also fly without $\eta$ in the ray-traced world, so the two worlds differ in fading,
 # too. ([The results](../docs/results/real_city.md) give all settings.)
 #
-# To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's
-# model. So the two models' *means in dB* agree by construction, and the comparison tests *where* the signal goes. At a
-# bandwidth of 1 MHz, these SNRs take only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its
-# hidden links would carry data (14.3).
+# To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's model.
+# So in sight, the two models' *mean SNRs in dB* agree by construction, and the comparison tests *where* the signal goes. At a
+# bandwidth of 1 MHz, these SNRs take only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its hidden
+# links would carry data (14.3).
 #
 # Take a device in a street in the west, and draw its rate to a UAV over every cell, under both models. **Before you run the
 # cell:** where will the two maps differ most?
@@ -114,9 +114,10 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# On the right the bright area is wider, because the real street is more open than our 10 m grid says. Beyond the edge of that
-# area the rate falls by a factor of 3 to 60 within one cell, and deep in the shadow it falls by even more. But it does not
-# fall to zero, because waves are bent around the corner or reflected. In white cells it is below $10^{-5}$.
+# On the right the bright area is wider, because the real street is more open than our 10 m grid
+# says. Beyond its edge the rate falls by a factor of 3 to 60 within one cell, and deep in the
+# shadow it falls by even more. But it does not fall to zero, because waves are bent around the
+# corner or reflected. In white cells the rate is below $10^{-5}$.
 #
 # ## 14.3 Link by link
 #
@@ -154,17 +155,16 @@ for kind, state in kinds.items():
 # %% [markdown]
 # The paper's exponents are 2.27 and 3.64, with spreads of 1.4 and 2.2 dB.
 #
-# - **In sight** the exponent is *below* 2, that of free space. The reason is that at a distance, reflections from the ground
-#   and the walls contribute up to 3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the
-#   **street canyon** effect. The 3 % of links far below the others are blocked by walls that our grid misses; without them the
-#   spread is 0.8 dB.
+# - **In sight** the exponent is *below* 2, the value in free space, because far from the device, reflections from the ground and the
+#   walls contribute up to 3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the **street canyon**
+#   effect. The 3 % of links far below the others are blocked by walls that our grid misses; without them the spread is 0.8 dB.
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB or more, and for a third of them the tracer finds no path.
 # - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
 #   slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 30 to 50 m. Such fading belongs to the
 #   place: fly by again, and the link is as bad as before. So it is a *map*, which could be learned.
 #
-# Is the model a bad one, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So compare the
+# Is the model bad, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So compare the
 # rates:
 
 # %%
@@ -232,8 +232,9 @@ for (name, radio), flights in flown.items():
 # sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city` suffers from the
 # change of model, and only slightly.
 #
-# The recorded runs, made with an earlier version of the program, have three seeds of 300 missions in each place and under both models.
-# Here is the mean lead of `any_city` over greedy on the same missions, with its interval:
+# The recorded runs, made with an earlier version of the program, cover 900 missions (three seeds of
+# 300) in each place and under both models. Here is the mean lead of `any_city` over greedy in
+# return:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -256,19 +257,19 @@ for place in (*places, None):
         print(f"{place or 'all four':<15}{radio:<12}{mean:+.1f} ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
-# The intervals are for *other missions over these four places*, and say nothing about a fifth (13.5).
+# The intervals are for *other missions over these four places*, and say nothing about a fifth place (13.5).
 #
-# The agent's mean return is 32.2 under either model, but under the ray-traced one it loses 0.9 in Munich and 0.6 in Paris and
-# gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead shrinks in Munich and Florence, but hardly in the other
-# two. Greedy is told nothing about the channel, so no wrong belief misleads it. How much would the agent gain if it knew the
-# ray-traced rates?
+# The agent's mean return is 32.2 under either model, but under the ray-traced one it loses 0.9 in
+# Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead
+# shrinks, mostly in Munich and Florence. Greedy is told nothing about the channel, so no wrong
+# belief misleads it. How much would the agent gain if it knew the ray-traced rates?
 #
 # ## 14.5 World and belief
 #
 # The agent does not measure the channel. It is *told*: one layer of its map says how much data a unit of time would bring over
 # each cell (notebook 12). Even in the ray-traced world, that layer is computed from the **paper's model**. So there are two
 # channels. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`. The
-# **belief** says what the agent expects: it is the environment of its observation, here `model`.
+# **belief** says what the agent expects: it is the environment from which its observation is computed, here `model`.
 #
 # Now change only the belief. At one extreme, the agent is told the world's own table, which only a genie could know. At the other, it is told
 # silence: that no data can be collected anywhere.
@@ -284,7 +285,7 @@ for name, belief in beliefs.items():
     print(f"told {name:<10}return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# When told silence, the agent earns far less, because it never had to learn from the map where data can be found. The gap
+# When told silence, the agent earns far less, because in training it never had to find data without being told. The gap
 # between the last two returns is roughly what can be gained by measuring. But the truth is no upper bound for a network
 # that was never trained with it, and over a hundred missions so small a gap may be chance.
 #
@@ -312,8 +313,8 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 # 2. **Link by link.** Correct these lines by what was measured *nearby*: if a device in the next cell was 15 dB below the line, a device in this one
 #    probably is, too.
 #
-# For the second way, let $e$ be how far each measured SNR is above its line. Each measurement gets a weight $w$, which is 1 for
-# the same two cells and falls with the distance between the devices and between the UAVs, to 0.6 one cell away:
+# For the second way, let $e$ be how far each measured SNR is above its line. Each measurement gets a weight $w$, which is 1
+# for the same two cells and falls with distance, to 0.6 if the device or the UAV is one cell away:
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum w\,e}{1 + \sum w}$$
 #
@@ -334,12 +335,10 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any of
-# those of this device.
+# Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any links of the device drawn here.
 #
-# How many earlier flights does it take? The recorded runs have twelve *surveys*: sets of earlier flights, one for each
-# seed and place. Here is the lead over greedy again (`line` stands for two lines, `link` for link by link, and the number
-# counts the flights):
+# How many earlier flights does a good belief take? The recorded runs have twelve *surveys*: sets of earlier flights, one for each seed and
+# place. Here is the agent's lead over greedy again (`line` stands for two lines, `link` for link by link; the number counts the flights):
 
 # %%
 for radio in worlds:
@@ -350,8 +349,8 @@ for radio in worlds:
         print(f"{radio:<11}told {told:<9}{lead.mean():.2f}, by seed {', '.join(surveys)}")
 
 # %% [markdown]
-# Under the paper's model there is nothing to gain, because there the model is the truth: on average even a single flight gives two lines that are nearly
-# as good.
+# Under the paper's model there is nothing to gain, because there the model is the truth: on average
+# even a single flight gives two lines that are nearly as good as the model's.
 #
 # Under the ray-traced model, two lines gain next to nothing: with ten flights, they change the return by −1.1 to +0.7,
 # depending on the survey. What counts is *which* link is bad, and only the second way, with many flights, finds that out.
@@ -373,7 +372,7 @@ for radio in worlds:
 #
 # - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings, where a
 #   ray arrives at all, the model is off by 21 dB (RMS).
-# - `any_city` is ahead of greedy over four real places, but by less under the ray-traced model.
+# - `any_city` is ahead of greedy over four real places, but by less under the ray-traced model than under the paper's.
 # - World and belief are two different things. Measuring, link by link and with many flights, corrects
 #   the belief.
 #
