@@ -131,9 +131,9 @@ figure
 #
 # How strong is the transmitter? Instead of $P/\sigma^2$, the paper states the *cell-edge SNR*. This
 # cell is not one of our grid cells, but the area that a base station of a phone network serves,
-# which here is the whole map. Between the middle of the map and a device in one of the map's
-# corners, at ground level and in sight, the SNR is −15 dB. From this, $P/\sigma^2$ follows. Take
-# the distance, compute the loss, and add it to the SNR at the corner:
+# which here is the whole map. An unobstructed link along the ground, from the middle of the map to
+# a device in a corner, has an SNR of −15 dB. From this, $P/\sigma^2$ follows. Take the distance,
+# compute the loss, and add it to the SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2

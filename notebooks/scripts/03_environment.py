@@ -171,8 +171,8 @@ for action in (NORTH, NORTH):
     print(f"in cell {flight.state.uav_cell[0]}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# The first move is ordinary. The second would leave the map, so the UAV hovers in its cell instead
-# and pays an extra 1. (A little data comes in, too.) The same happens when the UAV tries to enter a
+# The first move is ordinary: it costs 0.2, but brings in 0.1 data units. The second would leave the
+# map, so the UAV hovers instead and pays an extra 1. The same happens when the UAV tries to enter a
 # tall building or a no-fly zone, or to land outside the landing zones. The agent of notebook 6
 # learns from the action that it chose, not from the hovering, because it is the choice that has to
 # look worse.
@@ -188,7 +188,9 @@ for action in (NORTH, NORTH):
 # Then the agent would not need penalties to learn where the walls are. The paper lets the agent try
 # such actions and pay, so that it has to learn to read the map.
 #
-# One disaster remains: the time is up, and the UAV is still in the air.
+# One disaster remains: the time is up, and the UAV is still in the air. Nothing is uploaded in a
+# step that ends an episode, whether by a crash, as here, or by a landing. (The paper leaves this
+# open.)
 
 # %%
 Quiz("the_last_step")
@@ -199,9 +201,6 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# Nothing is uploaded in the step that ends an episode, whether by a crash or a landing. (The paper
-# leaves this open.)
-#
 # On average, **even a perfect pilot stays below 100 %**. Missions are drawn at random, and nobody
 # checks whether all of their data can be collected. Five devices in far corners may be too many for
 # any route of 35 units of time; a device in a courtyard may cost more to reach than its data is

@@ -49,8 +49,7 @@ from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission,
 #
 # <details><summary>Another hint</summary>
 #
-# Divide the sum of `collected` by the sum of `initial`. Return that if `landed` is true, and 0 if
-# it is not.
+# Divide the sum of `collected` by the sum of `initial`. Return the quotient if `landed` is true, and 0 if it is not.
 # </details>
 
 # %%
@@ -93,7 +92,7 @@ checks.flight_score(collected_and_landed)
 flights_to_tell_apart()
 
 # %%
-# Replace the line below by your dict, such as: who = {"A": "random", "B": "greedy", "C": "ddqn"}
+# Replace the line below with your dict, such as: who = {"A": "random", "B": "greedy", "C": "ddqn"}
 ### BEGIN SOLUTION
 who = {"A": "ddqn", "B": "random", "C": "greedy"}
 ### END SOLUTION
@@ -152,7 +151,7 @@ picture([])
 # </details>
 
 # %%
-# Replace the line below by your list, such as: actions = ["south", "hover", "land"]
+# Replace the line below with your list, such as: actions = ["south", "hover", "land"]
 ### BEGIN SOLUTION
 actions = ["east"] * 6 + ["hover"] + ["south"] * 4 + ["west"] * 4
 actions += ["hover", "north", "north", "west", "north", "land"]
@@ -165,5 +164,5 @@ checks.flown_by_hand(actions)
 picture(actions)
 
 # %% [markdown]
-# The agent of the notebook finds such a route over its own city for any devices, data and time, and
-# it does so without searching: it looks at the map just once for each step.
+# The agent of the notebook finds such a route over its own city for any mission, and it does so
+# without searching: it looks at the map just once for each step.

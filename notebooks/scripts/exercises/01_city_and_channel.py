@@ -103,11 +103,12 @@ checks.same_path_loss(same_loss_m)
 # %% [markdown]
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)
 #
-# Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is
-# the mean rate then the rate at the mean SNR? Write a function that estimates the mean rate by
-# simulating `draws` slots. The mean SNR in dB is `snr_db`. Each slot has its own fading, which is
-# drawn from `generator`, a `numpy.random.Generator`, and has the variance `variance_db2`, in dB².
-# Turn SNRs into rates with the library's function, which is imported above as `library_rate`.
+# Shadow fading adds a normally distributed random number of decibels, with mean 0, to the SNR in
+# every slot. Is the mean rate then equal to the rate at the mean SNR? Write a function that
+# estimates the mean rate by simulating `draws` slots. The mean SNR in dB is `snr_db`. Each slot has
+# its own fading, which is drawn from `generator`, a `numpy.random.Generator`, and has the variance
+# `variance_db2`, in dB². Turn SNRs into rates with the library's function, which is imported above
+# as `library_rate`.
 #
 # <details><summary>Hint</summary>
 #
@@ -133,6 +134,6 @@ checks.mean_rate(mean_rate)
 
 # %% [markdown]
 # As a function of decibels the rate bends upwards everywhere, and most at 0 dB. So lucky draws gain
-# more than unlucky ones lose, and fading helps. Far above 0 dB the rate is almost a straight line,
-# and fading changes next to nothing. Far below 0 dB it adds only a little data, but that little is
-# a large share of what there is.
+# more than unlucky ones lose, and fading helps. Far above 0 dB the rate is almost a straight line, and
+# fading changes next to nothing. Far below 0 dB fading adds only a little data, but that little is a
+# large share of what there is.

@@ -46,11 +46,11 @@ from uavdh_lite.shadowing import line_of_sight
 #
 # $$2\,|R\,c - C\,r| < |R| + |C|.$$
 #
-# Turn it into a function that works for any `start`, `end` and `cell`. The cells `start` and `end`
-# themselves count as crossed. They may also be the same cell, and then the segment is a single
-# point. The rays can be a million cells long and go in any direction. Make sure that no rounding
-# can spoil the answer. Try to do without the library's `crossed_cells`, because writing the test
-# yourself is the point of the exercise.
+# Turn this condition into a function that works for any `start`, `end` and `cell`. The cells
+# `start` and `end` themselves count as crossed. They may also be the same cell, and then the
+# segment is a single point. The segments can be a million cells long and go in any direction. Make
+# sure that no rounding can spoil the answer. Try to do without the library's `crossed_cells`,
+# because writing the test yourself is the point of the exercise.
 #
 # <details><summary>Hint</summary>
 #
@@ -60,10 +60,9 @@ from uavdh_lite.shadowing import line_of_sight
 #
 # <details><summary>Another hint</summary>
 #
-# (R, C) is end minus start, and (r, c) is cell minus start, component by component. The rectangle
-# is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0, the rectangle is one
-# cell, and the condition, 0 < 0, is false although that cell is crossed; so treat this case by
-# itself.
+# (R, C) is end minus start, and (r, c) is cell minus start, component by component. The rectangle is
+# min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0, the rectangle is one cell, and
+# the condition, 0 < 0, is false although that cell is crossed; so treat this case separately.
 # </details>
 
 # %%
@@ -158,8 +157,7 @@ def asymmetric_share(sight):
 checks.asymmetric_share(asymmetric_share)
 
 # %% [markdown]
-# Try your function on the city of the notebook, `City.load("manhattan").buildings`, once with the
-# table that `line_of_sight` makes and once with that of `bresenham_fans` from
-# `uavdh_lite.course.bresenham`, which notebook 13 explains. The first must give 0. A share above 0
-# is a sure sign that a method is not exact, but a share of 0 does not prove that it is: a rule can
-# be symmetric and still be wrong.
+# Try your function on the city of the notebook, `City.load("manhattan").buildings`, once with the table
+# that `line_of_sight` makes and once with that of `bresenham_fans` from `uavdh_lite.course.bresenham`,
+# which notebook 13 explains. The first table must give 0. A share above 0 is a sure sign that a method
+# is not exact, but a share of 0 does not prove that it is: a rule can be symmetric and still be wrong.

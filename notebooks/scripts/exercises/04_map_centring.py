@@ -90,8 +90,7 @@ checks.centre(centre)
 #
 # <details><summary>Hint</summary>
 #
-# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where is the place of a
-# device that is one row further south?
+# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does a device lie that is one row further south?
 # </details>
 #
 # <details><summary>Another hint</summary>

@@ -137,13 +137,11 @@ checks.convolve(convolve)
 # Each kernel and each neuron, including those of the output, has a bias. How many numbers does the
 # network learn, weights and biases together?
 #
-# - `layers`: the layers of the map, 5 in the paper
+# - `layers`: the number of layers of the map, 5 in the paper
 # - `size`: M, the number of cells along each side of the *city*; the map is larger
 # - `kernels`, `kernel_size`: whole numbers, 16 and 5 in the paper
-# - `strides`: one stride for each convolution, `(1, 1)` in the paper; there may be any number of
-#   them from 1 up
-# - `hidden`: the neurons of each hidden layer, `(256, 256, 256)` in the paper; again, there may be
-#   any number of them from 1 up
+# - `strides`: one stride for each convolution, `(1, 1)` in the paper; there may be any number of convolutions, but at least one
+# - `hidden`: the number of neurons of each hidden layer, `(256, 256, 256)` in the paper; again, there is at least one such layer
 #
 # An example, counted by hand: M = 2, so the map has 3×3 cells; we give it 2 layers. There is one
 # convolution, with 3 kernels of 2×2 cells and stride 1. Each kernel sees both layers, so it has 2 ·

@@ -7,9 +7,9 @@
 # fly over a village.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
-# says whether the answer is right, and if not, what is probably wrong. It looks at what your code
-# *does*, not at how it is written. Hints are folded away below each task. Your code runs inside
-# this notebook. If it never finishes, interrupt the kernel with the stop button.
+# says whether the answer is right, and if not, what is probably wrong. The check looks at what your
+# code *does*, not at how it is written. Hints are folded away below each task. Your code runs
+# inside this notebook. If it never finishes, interrupt the kernel with the stop button.
 #
 # You cannot get stuck: a step that builds on an earlier one begins with a solution to the earlier
 # one, folded away. Open it when you have your own, or when you want to go on without one.
@@ -203,8 +203,8 @@ def learn_network(memory, gamma, updates):
 checks.learned_network(learn_network)
 
 # %% [markdown]
-# With $\gamma = 0.95$ the network explodes: it is its own teacher, and every lesson raises the
-# next one. Notebook 6 explains why, and exercise 6.4 mends it.
+# With $\gamma = 0.95$ the values explode: the network is its own teacher, and every lesson raises the
+# next one. Notebook 6 explains why, and exercise 6.4 puts it right.
 
 # %% [markdown]
 # ## 6.3 · A replay memory (3 points, 20 minutes)
@@ -212,7 +212,7 @@ checks.learned_network(learn_network)
 # In 6.2 the memory was there from the beginning. An agent that flies while it learns needs one that
 # it can add to. Write such a replay memory. It stores the last `capacity` items, in a **ring
 # buffer**, and every sample contains the newest item (**combined experience replay**), so that
-# every step is learned from at least once.
+# every step is learned from at least once if a sample follows each of them.
 #
 # - `Ring(capacity)`: an empty memory for `capacity` ≥ 1 items.
 # - `add(item)`: stores an item. If the memory is full, the new item takes the place of the oldest

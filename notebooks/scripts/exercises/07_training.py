@@ -96,10 +96,10 @@ print("a batch of", len(pair))
 # The check trains your agent for 2000 rounds, in about half a minute, and flies it through 500
 # missions, always with the best action. Your agent passes if its *collected and landed* is at least
 # 20 percentage points above that of random flying (11 %), and if it has learned that nothing
-# follows an end. So passing means that it learns, and not that all is right: with three seeds, our
-# solution reached 50, 72 and 63 %. Before training, a network like ours mostly lands at once or
-# never, so it collects and lands 0 to 12 %. `REWARDS` counts 1 for each data unit, −0.1 for each
-# step, −1 where the safety controller steps in, and −20 for a crash.
+# follows the end of an episode. So passing means that your agent learns, and not that everything is
+# right: with three seeds, our solution reached 50, 72 and 63 %. Before training, a network like
+# ours mostly lands at once or never, so it collects and lands 0 to 12 %. `REWARDS` counts 1 for
+# each data unit, −0.1 for each step, −1 where the safety controller steps in, and −20 for a crash.
 #
 # <details><summary>Hint: the network</summary>
 #
@@ -348,8 +348,8 @@ lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_rewa
                temperature=0.1, exploring_starts=0.0)
 
 # %% [markdown]
-# Mend this recipe: use `replace(lazy, ...)` to make one that trains an agent to collect and land at
-# least 35 % of the data. Only the settings in the following table may be changed. The table shows
+# Mend this recipe: use `replace(lazy, ...)` to make one whose agent reaches at least 35 % in
+# *collected and landed*. Only the settings in the following table may be changed. The table shows
 # their values in `lazy` and in `small`, the recipe with which the notebook trains.
 
 # %%
@@ -389,7 +389,7 @@ for name in MAY_CHANGE:
 # </details>
 
 # %%
-# Replace the line below by your recipe: mended = replace(lazy, ...)
+# Replace the line below with your recipe: mended = replace(lazy, ...)
 ### BEGIN SOLUTION
 mended = replace(lazy, name="mended", steps=24_000, crash_reward=-2.0, crash_reward_end=-40.0, huber_delta=10.0,
                  temperature=1.0)

@@ -74,9 +74,8 @@ def steps_to(steps, values, threshold):
 checks.steps_to(steps_to)
 
 # %% [markdown]
-# Such a number is only as precise as the distance between two validations, and one unlucky
-# validation late in the run makes it much larger. The first crossing, in turn, comes too early if
-# there is one lucky validation.
+# Such a number is only as precise as the distance between two validations, and one unlucky validation late in the run makes it much
+# larger. The first crossing, on the other hand, comes too early if there is one lucky validation.
 
 # %% [markdown]
 # ## 8.2 · Paired or not (2 points, 8 minutes)

@@ -157,7 +157,7 @@ LL..............
 trial(home)
 
 # %%
-# Replace the line below by your city: text = """..."""
+# Replace the line below with your city: text = """..."""
 ### BEGIN SOLUTION
 rows = home.split()
 rows[:2] = ["..............LL"] * 2
@@ -169,6 +169,5 @@ text = "\n".join(rows)
 checks.defeat(text)
 
 # %% [markdown]
-# An agent that was trained in one city may have learned much about that city and little about
-# cities in general. Which of the layers that it sees does it use? An answer needs many cities, in
-# training and in the test.
+# An agent that was trained in one city may have learned much about that city and little about cities in general. Which of the layers
+# that it sees does it use? To find out, you need many cities, both in training and in the test.

@@ -42,9 +42,10 @@ from uavdh_lite.course import checks
 # Every action takes one unit of time, landing included. Landing is possible only in the landing zone, and ends the flight.
 # Elsewhere it is refused, and takes its unit of time like hovering.
 #
-# Return a new array of Booleans, $(B, 6)$: whether each UAV can still land in time if it takes each action now. The time needed
-# is that of the action itself, of the moves home after it, and of the landing. Landing at once, in the zone, always fits. (If
-# nothing fits for a UAV, its row is all False. The library then lets the pilot do what it likes.)
+# Return a new array of Booleans, $(B, 6)$: for each UAV and each action, whether the UAV can still
+# land in time if it takes this action now. The time needed is that of the action itself, of the
+# moves home after it, and of the landing. Landing at once, in the zone, always fits. (If nothing
+# fits for a UAV, its row is all False. The library then lets the pilot do what it likes.)
 #
 # An example: the UAV is two moves from the zone and four units of time are left. It may fly home (one move, then one more and
 # the landing), and it may hover once. It must not fly further away.
@@ -92,9 +93,9 @@ checks.failsafe_mask(fits)
 #
 # Return the layer, (M, M): for each cell the data of the four slots together, if the UAV spends the step there. Leave the arrays as they are.
 #
-# An example with one cell: the rates are 3 and 2, and the devices have 4 and 9 units left. The slots bring 3, 1, 2 and 2,
-# together 8. The told layer says $\max(\min(12, 4), \min(8, 9)) = 8$, too, but with 5 units at the first device it says 8 where
-# the slots bring 9.
+# An example with one cell: the rates are 3 and 2, and the devices have 4 and 9 units left. The
+# slots bring 3, 1, 2 and 2, together 8. The told layer says $\max(\min(12, 4), \min(8, 9)) = 8$,
+# too, but with 5 units at the first device it says 8, whereas the slots bring 9.
 #
 # <details><summary>Hint</summary>
 #

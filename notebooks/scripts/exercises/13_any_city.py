@@ -72,7 +72,7 @@ def view(layers, action, turns, mirrored):
 checks.view(view)
 
 # %% [markdown]
-# ## 13.2 · How sure, if missions share a city? (2 points, 12 minutes)
+# ## 13.2 · How sure are you if missions share a city? (2 points, 12 minutes)
 #
 # An agent flew $N$ missions in $C$ random cities, and you want the mean over *all* cities that the generator could draw. Some cities
 # are harder than others, so missions in one city tend to be good or bad together. The half-width of a 95 % interval of the

@@ -77,7 +77,7 @@ checks.shadow_reach(reach_m)
 # %% [markdown]
 # ## 14.2 · Believe what you heard (2 points, 12 minutes)
 #
-# A line says what to expect of a link. Nearby, a few SNRs were measured. What should the agent believe about this link? As in
+# A fitted line says what SNR to expect of a link. Nearby, a few SNRs were measured. What should the agent believe about this link? As in
 # notebook 14, section 14.6,
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum_i w_i\,(\text{heard}_i - \text{line})}{1 + \sum_i w_i}$$

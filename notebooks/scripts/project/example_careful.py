@@ -6,8 +6,9 @@
 # ## 1 · The question
 #
 # The recipe `small` charges 0.1 for each step, which is half of what the paper charges. According
-# to section 7.5, agents trained with `lite` gain nothing from paying 0.1 instead of 0.2. If a step
-# costs 0.5, does the agent use less of its flying time, and does it leave data behind?
+# to section 7.5 of notebook 7, agents trained with `lite` gain nothing from paying 0.1 instead of
+# 0.2. If a step costs 0.5, does the agent use less of its flying time, and does it leave data
+# behind?
 #
 # ## 2 · What I expect
 #
@@ -110,9 +111,9 @@ for name in recipes:
 # less, whereas I had expected about 5. Neither interval contains 0, and all three seeds agree.
 #
 # The reason is not that they hurry. They have become *lazy*, as notebook 7 calls it (7.4): they use
-# 4 to 8 % of their flying time, land at once, and leave nearly all data behind. Half a unit for
-# each step is more than a first, clumsy flight brings in. So staying at home pays best early in
-# training, and an agent that stays at home never finds out what flying could bring. That is my
+# 4 to 8 % of their flying time, land at once, and leave nearly all data behind. At half a unit for
+# each step, a first, clumsy flight costs more than it brings in. So staying at home pays best early
+# in training, and an agent that stays at home never finds out what flying could bring. That is my
 # explanation and not a measurement; the training curves would show whether it is right. Whether a
 # dearer step makes an agent hurry is still open; to find out, I would need a price between 0.1 and
 # 0.5.

@@ -58,7 +58,7 @@ def drawn(error, floor, size=abs, weight=np.reciprocal):
 
 
 @exercise(
-    "11.2 · Draw what surprises, and make up for it (2 points, 12 minutes)",
+    "11.2 · Prioritised replay (2 points, 12 minutes)",
     rules={
         "If all errors are equally large, each step is drawn with probability 1/N, with weight "
         "1.": [

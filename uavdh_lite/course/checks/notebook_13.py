@@ -71,7 +71,7 @@ def missions(values, city):
 
 
 @exercise(
-    "13.2 · How sure, if missions share a city? (2 points, 12 minutes)",
+    "13.2 · How sure are you if missions share a city? (2 points, 12 minutes)",
     rules={
         "Subtract the mean from the values, add up the differences in each city, and square these "
         "sums. Multiply their total by C/(C − 1), take its square root, and multiply that by 1.96 "
