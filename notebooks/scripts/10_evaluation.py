@@ -78,8 +78,9 @@ def recorded(city):
 cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 
 # %% [markdown]
-# The score is *collected and landed*: the share of the data that a flight brings home, or 0 after a crash. Unlike the *return*, it
-# does not depend on penalties that somebody chose: 0.2 for a step and 150 for a crash in notebook 3.
+# The score is *collected and landed*: the share of the data that a flight brings home, or 0 after a
+# crash. Unlike the *return*, it does not depend on penalties that somebody chose, such as the 0.2
+# for a step and the 150 for a crash in notebook 3.
 #
 # ### Random numbers
 #
@@ -106,9 +107,9 @@ for way in (habit, stream):
 # numbers and are never added, so no two uses share a stream, whatever the seeds.
 #
 # A second mistake is subtler. If a policy drew its actions from the generator that also draws the
-# missions, a long flight would use up more numbers than a short one, so the next mission would
-# depend on the flight before it. That is why all missions are drawn first here, and why the fading
-# is drawn for every mission in every step, whatever the policy does.
+# missions, a long flight would use up more numbers than a short one, so the next mission would depend
+# on the flight before it. That is why here all missions are drawn beforehand, and why the fading is
+# drawn for every mission in every step, whatever the policy does.
 #
 # ## 10.2 The paper's table
 #
@@ -179,12 +180,12 @@ for count in (995, 999, 1000):
 # Is an agent with 999 landings safer than one with 995? Together they crashed six times. If both were equally safe, each crash would be
 # a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
 #
-# Scores that are more than a yes or no, such as *collected*, have their intervals from notebook 8's bootstrap. Either kind of interval covers
+# Scores that are more than a yes or no, such as *collected*, get their intervals from notebook 8's bootstrap. Either kind of interval covers
 # luck in the missions, but not luck in training. For a claim about a *method*, the sample has to consist of training runs.
 #
 # ## 10.3 Next to the planners
 #
-# Is 96 % good? To judge that, compare it with a simple policy and with one near the best
+# Is 96 % good? To judge that, compare the agent with a simple policy and with one near the best
 # possible.
 
 # %%
@@ -218,8 +219,8 @@ for city, results in cities.items():
 #
 # While an agent learns, it is validated again and again. The network as it stands at such a moment
 # is called a *checkpoint*, and the best checkpoint is kept. But its validation score flatters it.
-# To see why, imagine 20 checkpoints that are all equally good. Each flies missions of its own,
-# drawn from the 1000 above, and you report the best of the 20 scores. Repeat that 300 times:
+# To see why, imagine 20 checkpoints that are equally good. Each flies missions of its own, drawn
+# from the 1000 above, and you report the best of the 20 scores. Repeat that 300 times:
 
 # %%
 values = cities["manhattan"]["agent"][BOTH]
@@ -259,7 +260,7 @@ figure
 
 # %% [markdown]
 # On the left, the agent is furthest behind the genie where the flying time is short. Greedy has the
-# same trouble with short flights: in the shortest ones it is level with the agent, and the orange
+# same trouble with short flying times: at the shortest it is level with the agent, and the orange
 # points do not fall from left to right as the blue ones do. A likely reason is that, when time is
 # short, a detour to the wrong device cannot be made up for, and only the genie knows beforehand
 # what a device will yield.
@@ -293,10 +294,10 @@ figure
 
 # %% [markdown]
 # On the left is the one crash in a thousand missions. The UAV has emptied three of its four
-# devices, but turns for home too late. On the right is a flight that serves the nearest device and
-# goes home, although there is plenty of time left for the others. Watch the crash step by step.
-# With 14 units of time left, the UAV flies one cell further north, for the last 8 units of data of
-# the third device. From there the way home takes 14 units, but only 13 are left:
+# devices, but turns for home too late. On the right the UAV serves the nearest device and goes
+# home, although there is plenty of time left for the others. Watch the crash step by step. With 14
+# units of time left, the UAV flies one cell further north, for the third device's last 8 units of
+# data. From there the way home takes 14 units, but only 13 are left:
 
 # %%
 from uavdh_lite.player import play
@@ -321,7 +322,7 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
 #
 # An interval shrinks with the square root of the number of missions, so halving it takes four times as many. If $\sigma$ is the
 # standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes
-# $n = (1.96\,\sigma/h)^2$ missions. Say you want to know greedy's lead over the agent to within half a point:
+# $n = (1.96\,\sigma/h)^2$ missions. Say you want to know greedy's lead over the agent to within half a percentage point:
 
 # %%
 for name, results in cities.items():
@@ -363,9 +364,9 @@ two = {"one draw": first.trajectory(0), "another": second.trajectory(0)}
 play(agent.environment, two)
 
 # %% [markdown]
-# These two flights are alike for more than half of the time, but then they part; the 40 draws give 15 different paths. The agent sees luck
+# These two flights are alike for more than half of their time, but then they part; the 40 draws give 15 different paths. The agent sees luck
 # only through the data that is left, where a little more or less can tip a decision. Yet luck makes no difference to what is brought home
-# here: a flight has 240 communication slots, and over so many most of the luck averages out.
+# here: a flight has 240 communication slots, and over so many of them, most of the luck averages out.
 #
 # ## 10.9 One thing changed
 #

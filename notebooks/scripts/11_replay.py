@@ -195,7 +195,7 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Look at the left side first. While the device is near, the networks learn such missions with either memory. Then the missions change. With a
+# Look at the left side first. In the first half, the networks learn the near missions with either memory. Then the missions change. With a
 # memory of 200 steps, the share of right actions drops steeply in every run, on average from nine states in ten to about four. Nothing was wrong
 # with what the network knew, but it was overwritten: an update for one state moves weights that other states use as well, and the memory no
 # longer holds a step that would change them back. This is called **catastrophic forgetting**. Later the share recovers in part, probably because
@@ -297,8 +297,9 @@ ax.set(xlim=(8.5, 21.5), ylim=(21.5, 8.5), xticks=range(9, 22, 3), yticks=range(
 figure
 
 # %% [markdown]
-# The triangle is the UAV, and the blue cross is the device. Wiping out what is orange clears the way between the two, whereas wiping out
-# what is green changes nothing between them. By how much does the network's largest Q-value rise in each case?
+# The triangle is the UAV, and the blue cross is the device. Wiping out the orange buildings clears
+# the way between the two, whereas wiping out the green ones changes nothing between them. By how
+# much does the network's largest Q-value rise in each case?
 #
 # We ask two agents, one for each of the paper's cities, and, to compare with each of them, an untrained network with the same layers.
 
@@ -326,10 +327,12 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
               f"above 0 in {(gains[0] > gains[1]).mean():.0%}")
 
 # %% [markdown]
-# The untrained networks hardly notice. Both trained ones expect more reward when any buildings disappear, and they expect clearly more when
-# those buildings were in the way. So they have learned from rewards that buildings *between* the UAV and a device cost data, and they look
-# for such buildings. One doubt is left: the control lies not only on the other side of the UAV, but also farther from the *device*. If the
-# networks value open space around a device for another reason, that could explain part of the difference.
+# The untrained networks hardly notice. Both trained ones expect more reward when any buildings
+# disappear, and they expect clearly more when those buildings were in the way. So they have learned
+# from rewards that buildings *between* the UAV and a device cost data, and they look for such
+# buildings. One doubt is left: the control lies not only on the other side of the UAV, but also
+# farther from the *device*. If the networks value open space around a device for some reason other
+# than shadows, that could explain part of the difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are
 # worth: 3 % of their value over Manhattan and 15 % over the open field. In three or four states out

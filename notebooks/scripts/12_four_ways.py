@@ -173,8 +173,8 @@ Quiz("what_may_be_told")
 # %% [markdown]
 # ## 12.3 Copy: a planner as teacher
 #
-# The *genie* is a search over whole flights. It knows the mean rate of every link at every place (strictly, the rate at the
-# mean SNR, without fading, which is a little lower), and keeps the best candidate flights for each cell and moment (a **beam
+# The *genie* is a search over whole flights. It knows the mean rate of every link (strictly, the rate at the mean SNR,
+# without fading, which is a little lower), and keeps the best candidate flights for each cell and moment (a **beam
 # search**). It flies better than any agent here, but takes much longer to decide. Can a network learn to do what the genie
 # does, without the search?
 
@@ -223,9 +223,11 @@ assert np.mean(agree) > 0.85
 # %% [markdown]
 # Where the two differ, both actions are often equally good, for example when two ways around a block are equally long.
 #
-# There is a trap, however. The genie never flies into a dead end, so its flights show no way out of one. A copy that errs once gets to places
-# that it has never seen, and errs again. The remedy is to let the *learner* fly, and to ask the genie what it would do from the states that the
-# learner gets into. A third of the labels are made in this way, which is called **DAgger**, for *dataset aggregation*.
+# There is a trap, however. The genie never flies into a dead end, so its flights show no way out of
+# one. A copy that errs once gets to places that it has never seen, and errs again. The remedy is to
+# let the *learner* fly, and to ask the genie what it would do in the states that the learner gets
+# into. A third of the labels are made in this way, which is called **DAgger**, for *dataset
+# aggregation*.
 
 # %%
 Quiz("why_own_starts")
@@ -233,10 +235,10 @@ Quiz("why_own_starts")
 # %% [markdown]
 # ## 12.4 Learn: what only reward can say
 #
-# The genie plans with mean rates, so it does not reckon with luck. And a copy makes errors that no further examples from the
-# genie's own flights would correct. Learning from reward needs neither teacher nor formula, because all that counts is how good a
-# flight was. So the shipped agents that copy go on to learn from reward afterwards. They draw their actions from $\pi$, and fly
-# each mission eight times:
+# The genie plans with mean rates, so it does not reckon with luck. And a copy makes errors that no further examples from the genie's
+# own flights would correct. Learning from reward needs neither a teacher nor a formula, because all that counts is how good a flight
+# was. So the shipped agents that copy go on to learn from reward afterwards. They draw their actions from $\pi$, and fly each mission
+# eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages
@@ -258,10 +260,10 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # $$L = -A\,\log \pi(a \mid s)$$
 #
 # What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did
-# in a bad one becomes less likely. This is a **policy gradient** method: no network has to learn
-# values. An agent that knows nothing would take a very long time to learn in this way, because
-# hardly any of its flights are good. The agent `manhattan`, which had copied before, learned in
-# this way for only about twelve minutes.
+# in a bad one becomes less likely. This is a **policy gradient** method, and here no network has to
+# learn values. An agent that knows nothing would take a very long time to learn in this way,
+# because hardly any of its flights are good. The agent `manhattan`, which had copied the genie
+# first, learned in this way for only about twelve minutes.
 #
 # The paper's agents see the map, and learn the rest from reward. In principle they could learn even
 # in a place whose channel nobody can write down, if they could fly millions of steps there, crashes
@@ -310,8 +312,9 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # - **Telling** helps the copies. Under the guarantee, agents that learn from reward gain nothing here from being told, perhaps
 #   because in a single city a network can also learn by heart what it is not told. Without the guarantee, all three runs of
 #   *tell + learn* crash in nearly every mission.
-# - **Copying** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but
-#   the copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
+# - **Copying** is ahead of learning from reward, with or without the guarantee. With the guarantee
+#   and the told layers, both collect about the same amount, but the copy does so in two thirds of
+#   the flying time, whereas the learner uses nearly all of it.
 # - **Learning**, after copying, adds 0.4 to 1.3 units of return within a minute.
 #
 # To compare copying with learning, look at the dashed and the solid lines of one colour; to see

@@ -173,11 +173,11 @@ flight = evaluate(own.environment, own, missions, 1, seed=5)
 play(own.environment, flight.trajectory(0))
 
 # %% [markdown]
-# The network was made for 16 cells on a side. How does it cope with ten? A city that is too small is filled up with no-fly
+# The network was made for cities with 16 cells on a side. How does it cope with ten? A smaller city is filled up with no-fly
 # cells to 16 on a side (**padding**), and in the centred map every city has such cells beyond its border. What these cells say
 # is true: the UAV cannot get there. And because the agent learned in cities of eight to sixteen cells on a side, it has seen
-# padded ones before. A city that is too large does not fit, because the first fully connected layer has a weight for every
-# place on the map.
+# padded ones before. A larger city does not fit, because the first fully connected layer has a weight for every place on the
+# map.
 #
 # In the labs you can do the same with the mouse: in the tool *Paint* (`python -m uavdh_lite app`), paint a city and let the agent fly.
 #
@@ -237,12 +237,11 @@ figure
 # behind it elsewhere. With ten cities, the gap between the curves is about ten points, and with a hundred it is still about five.
 # With 2000 cities it is gone. That the curves even cross may be luck, because each point is a mean over only 500 missions.
 #
-# Notice what happens from left to right. The blue curve falls, because many cities are harder to
-# know than one. The red curve rises, because what holds in many cities also holds in the next one.
-# Where they meet, nothing is learned by heart any more, so what still holds the networks back is
-# something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new
-# cities. The shipped agent therefore copies a planner first, and only then learns from reward, as
-# notebook 12 explains.
+# Notice what happens from left to right. The blue curve falls, because many cities are harder to know than one. The red
+# curve rises, because what holds in many cities also holds in the next one. Where they meet, nothing is learned by heart
+# any more, so what still holds the networks back is something other than memorising. After only 200,000 steps, all twelve
+# are far behind greedy in new cities. The agent `any_city` therefore copied a planner first, and only then learned from
+# reward, as notebook 12 explains.
 #
 # From 100 to 2000 cities the red curve rises by about a point. That is no more than the spread between seeds, so three short
 # runs cannot tell whether more cities help. And because all seeds learned in the same cities, their spread says nothing about
@@ -285,11 +284,10 @@ mean, low, high = bootstrap_interval(lead, groups=cities)
 print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
-# Read the interval, and not only the mean. It is several points wide, although there were a hundred
-# cities. In 3000 other missions over 300 cities the lead was only 0.6 points, and its interval
-# reached below 0 ([the results](../docs/results/four_ways.md)). So these hundred cities probably
-# suited the agent better than most. To tell so small a lead from luck, even 3000 missions are too
-# few.
+# Read the interval, and not only the mean: the interval is several points wide, although there were a hundred
+# cities. In 3000 other missions over 300 cities the lead was only 0.6 points, and its interval reached below
+# 0 ([the results](../docs/results/four_ways.md)). So these hundred cities probably suited the agent better
+# than most. To tell so small a lead from luck, even 3000 missions are too few.
 #
 # ## 13.6 Where it fails
 #
@@ -319,11 +317,13 @@ figure
 #
 # ## 13.7 Shadows for every city
 #
-# Each city needs its own table of which cells see each other. The library computes it with the exact test of notebook 2. The authors of the paper trace
-# their rays by a different method. In 1962 Jack Bresenham wrote an algorithm that draws a line as a row of pixels. The authors' variant of it walks from
-# cell to cell and keeps a running error: how far the centre of the cell is off the straight line. This error decides whether the next step goes along the
-# row or the column. The authors' code sends a fan of such lines from the device to every cell of the border, and a cell is in sight if some line reaches
-# it before meeting a building.
+# Each city needs its own table of which cells see each other. The library computes it with the exact test of
+# notebook 2. The authors of the paper trace their rays by a different method. In 1962 Jack Bresenham wrote an
+# algorithm that draws a line as a row of pixels. The authors' variant of it walks from cell to cell and keeps
+# a running error: how far the centre of the cell lies from the straight line. This error decides whether the
+# next step goes along the row or the column. The authors' code sends a fan of such lines from the device to
+# every cell on the border of the map, and a cell is in sight if some line reaches it before meeting a
+# building.
 #
 # Many cities are a good test of such a program, and for that test one need not know the right answers. It is enough to know a
 # property that all right answers must have (**property-based testing**):
@@ -371,9 +371,9 @@ figure
 # - A network with a single city can learn it by heart. One that wakes up in another city each time has to look.
 # - In the centred map, a wall to the east looks the same in every city.
 # - The more cities there are to learn in, the closer the scores over seen and unseen cities come to each other.
-# - *Unseen* means little until you say where the cities come from, so say so whenever you report a number for unseen cities.
+# - *Unseen* means little until you say where the cities come from, so name their source whenever you report a number for unseen cities.
 # - Missions in one city share its walls. For a claim about cities, resample whole cities.
-# - A property that every right answer must have finds errors even where nobody knows the answers.
+# - Testing for a property that every right answer must have finds errors even where nobody knows the answers.
 #
 # ## Exercises
 #

@@ -94,7 +94,7 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 #
 # To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's model.
 # So in sight, the two models' *mean SNRs in dB* agree by construction, and the comparison tests *where* the signal goes. At a
-# bandwidth of 1 MHz, these SNRs take only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its hidden
+# bandwidth of 1 MHz, these SNRs need only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its hidden
 # links would carry data (14.3).
 #
 # Take a device in a street in the west, and draw its rate to a UAV over every cell, under both models. **Before you run the
@@ -232,9 +232,8 @@ for (name, radio), flights in flown.items():
 # sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city` suffers from the
 # change of model, and only slightly.
 #
-# The recorded runs, made with an earlier version of the program, cover 900 missions (three seeds of
-# 300) in each place and under both models. Here is the mean lead of `any_city` over greedy in
-# return:
+# The recorded runs, made with an earlier version of the program, cover 900 missions (three seeds of 300) in each
+# place and under both models. Here is by how much the return of `any_city` exceeds greedy's, on average:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -355,7 +354,7 @@ for radio in worlds:
 # Under the ray-traced model, two lines gain next to nothing: with ten flights, they change the return by −1.1 to +0.7,
 # depending on the survey. What counts is *which* link is bad, and only the second way, with many flights, finds that out.
 # Link by link, ten flights change the return by −0.5 to +1.2; a hundred gain about 60 % of what the truth would gain (95 %
-# interval: 46 to 72 %). That is 0.55 units of a return of 32, gained mostly in Munich.
+# interval: 46 to 72 %). That is 0.55 units on a return of 32, gained mostly in Munich.
 #
 # ## 14.7 Before you fly there
 #
