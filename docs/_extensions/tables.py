@@ -59,7 +59,7 @@ LADDER = {
     "plain": "the paper's algorithm with nothing added: agents of {steps} of a million steps",
     "ddqn": "strengthened DDQN, `lite`",
     "ddqn_failsafe": "the same with the failsafe",
-    "ddqn_told": "the same with failsafe and told layers",
+    "ddqn_told": "the same with the failsafe and told layers",
     "any_city": "`any_city`: imitation and reward in 3000 other cities",
     "copy": "imitation of the teacher",
     "imitation": "imitation, then reward",
@@ -264,7 +264,7 @@ def lead(scenario: str) -> str:
             part = share(mine[metric], flown[BEST_GENIE[metric]][metric], cities)
             difference = _number(bootstrap_interval(ahead, groups=cities))
             rows.append([f"`{name}`", label, difference, _percent(part)])
-    return _table(["agent", "metric", "minus greedy's", "as a share of the best genie's"], rows)
+    return _table(["agent", "metric", "minus greedy's", "as a share of the better genie's"], rows)
 
 
 def by_flying_time(scenario: str) -> str:
@@ -397,7 +397,7 @@ def ladder(scenario: str) -> str:
 
 
 def outstanding(page: str = "") -> str:
-    """The studies that today's program has not made, and the hours of one core that they need.
+    """The studies that the current version has not made, and the hours of one core that they need.
 
     All of them, or those that a page such as `docs/results/any_city.md` shows.
     """
@@ -559,8 +559,8 @@ def places() -> str:
         rows.append([*row, f"{error:.2f}", *(f"{values.mean():.3f}" for values in rates)])
     head = ["place", "pairs in sight", "exponent in sight", "spread in sight"]
     head += ["exponent behind buildings", "spread behind buildings"]
-    head += ["links behind buildings without any ray", "correlation of rates behind buildings"]
-    head += ["correlation of rates, all pairs", "RMS error of the rates / mean rate"]
+    head += ["hidden pairs without any ray", "correlation of rates behind buildings"]
+    head += ["correlation of rates, all pairs", "RMS difference of the rates / mean rate, model"]
     head += ["mean rate, model"]
     return _table([*head, "mean rate, ray-traced"], rows)
 
@@ -581,9 +581,9 @@ def real_city(radio: str) -> str:
                 row.append(_numbers(parts, 1))
         rows.append(row)
     head = ["policy", "collected and landed", "return", "return, ahead of greedy"]
-    head += ["the same by seed"]
+    head += ["that lead by seed"]
     names = ", ".join(name.replace("_", " ").title() for name in shipped_places())
-    return f"{_table([*head, f'the same in {names}'], rows)}\n{_made_with('real_city')}"
+    return f"{_table([*head, f'that lead in {names}'], rows)}\n{_made_with('real_city')}"
 
 
 def change_of_radio() -> str:
@@ -615,7 +615,7 @@ def worth_of_telling() -> str:
                     row.append(_numbers((added[of == one].mean() for one in np.unique(of)), digits))
     names = ", ".join(name.replace("_", " ").title() for name in shipped_places())
     head = ["policy", "under the paper's model", "under the ray-traced model"]
-    head += ["the latter by seed", f"the latter in {names}"]
+    head += ["the ray-traced model, by seed", f"the ray-traced model, in {names}"]
     return _table(head, rows.values())
 
 
