@@ -40,7 +40,7 @@ TOUCHING += [
             ((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)),
         ],
         "If both ends are the same point, only that cell is crossed. Then R and C are 0, "
-        "so nothing is less than (|R| + |C|) / 2: treat this case by itself.": [
+        "so nothing is less than (|R| + |C|) / 2: treat this case separately.": [
             ((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7)),
         ],
         "Along a row or a column the segment runs through the middle of each cell between its "

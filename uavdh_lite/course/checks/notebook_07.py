@@ -71,18 +71,18 @@ def wrong_training(train) -> str:
     enough = own["collected_and_landed"] >= chance + LEAST_LEAD
     if enough and not endless:
         return ""
-    why = "It collects and does not come home: is y the reward alone where it crashed?"
+    why = "Your agent collects but does not come home: is y the reward alone where it crashed?"
     if own["landed"] > 0.8:
-        why = "It lands and hardly collects: is β large at first, and are all actions tried?"
+        why = "Your agent lands but hardly collects: is β large at first, is every action tried?"
     if best < SOON:
         why = (
-            f"To it the best action at the start is worth {best:.1f}, hardly more than the next "
+            f"To your agent the best first action is worth {best:.1f}, hardly more than the next "
             "reward. Does the target network follow the online one in each round, and is γ 0.95?"
         )
     if endless:
         why = (
-            f"At the start of a mission `land` is worth {land:.1f} to it, as if the flight went on "
-            f"(`hover`: {hover:.1f}). Where an episode ended, y must be the reward alone."
+            f"At the start of a mission `land` is worth {land:.1f} to your agent, as if the flight "
+            f"went on (`hover`: {hover:.1f}). Where an episode ended, y must be the reward alone."
         )
     if watched.ends is False:
         why = (
@@ -92,7 +92,7 @@ def wrong_training(train) -> str:
     if enough:
         return f"{said}. That is enough, but the learning is wrong. {why}"
     asked = f"Random flying has {chance:.0%} collected and landed, and at least 20 points more"
-    return f"{said}. {asked}, {chance + LEAST_LEAD:.0%}, are asked for. {why}"
+    return f"{said}. {asked}, {chance + LEAST_LEAD:.0%}, are required. {why}"
 
 
 @exercise("7.1 · Your own DQN flies the village (6 points, 70 minutes)", also=wrong_training)

@@ -72,7 +72,7 @@ def drawn(error, floor, size=abs, weight=np.reciprocal):
         ],
     },
     mistakes={
-        "An error of −3 surprises as much as one of 3: take its size.": (
+        "An error of −3 surprises as much as one of 3: take the absolute value.": (
             lambda error, floor: drawn(error, floor, size=np.asarray)
         ),
         "The weights are upside down: what is drawn more often must count less.": (

@@ -44,7 +44,7 @@ def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
         "That is a number of cells: multiply it by step_m.": (
             lambda left_db, step_m: first_below(left_db, 1)
         ),
-        "Subtract the mean first: that a street is bad as a whole is no correlation.": (
+        "Subtract the mean first: a street that is bad as a whole is not yet correlated.": (
             lambda left_db, step_m: first_below(left_db, step_m, centred=False)
         ),
         "The further apart the cells, the fewer pairs there are: compare means, not sums.": (
