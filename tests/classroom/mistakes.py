@@ -478,7 +478,7 @@ MISTAKES = {
     ],
     "crosses": [
         (touching, "only touches a cell"),
-        (lambda *case: inside(*case) and np.less(*doubled_distance(*case)), "by itself"),
+        (lambda *case: inside(*case) and np.less(*doubled_distance(*case)), "separately"),
         (sampled, "cut off a tiny corner"),
         (inside, "must be near the line"),
         (
