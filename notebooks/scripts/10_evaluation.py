@@ -125,9 +125,9 @@ for city, results in cities.items():
 
 # %% [markdown]
 # Our agents are above the paper's in every line. Are they better? The table cannot say, because the
-# paper's maps were never published. Our maps were redrawn from the paper's text, and may be easier.
-# What the table does say is that on maps that fit the same description, a strengthened form of the
-# method reaches the paper's level.
+# paper's maps were never published. Ours, redrawn from the paper's text, may be easier than the originals.
+# What the table does say is that on maps that fit the same description, a strengthened form of the method
+# reaches the paper's level.
 #
 # ### What the three shares tell you
 #

@@ -210,10 +210,10 @@ figure
 # longer flown, but is slow to adapt when the world changes. **Combined replay**, which puts the
 # newest step into every minibatch, shortens this delay.
 #
-# **Prioritised replay** goes further, and draws steps with a large error more often. But a Q-value
-# is a mean over good and bad luck, and if lucky steps, for example, are drawn too often, that mean
-# shifts. Therefore each step's loss is divided by how much more often the step is drawn than it
-# would be with equal chances (**importance weights**; exercise 11.2).
+# **Prioritised replay** goes further, and draws steps with a large error more often than others. But a Q-value
+# is a mean over good and bad luck, and if lucky steps, for example, are drawn too often, that mean shifts.
+# Therefore each step's loss is divided by how much more often the step is drawn than it would be with equal
+# chances (**importance weights**; exercise 11.2).
 #
 # In the village the missions do not change halfway through. But a memory of 250 steps holds only
 # parts of the flights that are in progress at the time. As one flight follows another, the network
@@ -328,11 +328,11 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 
 # %% [markdown]
 # The untrained networks hardly notice. Both trained ones expect more reward when any buildings
-# disappear, and they expect clearly more when those buildings were in the way. So they have learned
-# from rewards that buildings *between* the UAV and a device cost data, and they look for such
-# buildings. One doubt is left: the control lies not only on the other side of the UAV, but also
-# farther from the *device*. If the networks value open space around a device for some reason other
-# than shadows, that could explain part of the difference.
+# disappear, and the rise is clearly larger when those buildings were in the way. So they have
+# learned from rewards that buildings *between* the UAV and a device cost data, and they look for
+# such buildings. One doubt is left: the control lies not only on the other side of the UAV, but
+# also farther from the *device* than the orange rectangle. If the networks value open space around
+# a device for some reason other than shadows, that could explain part of the difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are
 # worth: 3 % of their value over Manhattan and 15 % over the open field. In three or four states out

@@ -129,7 +129,7 @@ for name, record in records.items():
 # specialist brings home far more than the random pilot, so something of what it learned holds
 # elsewhere, too. But it falls well behind the agent that has learned in many cities. The unknown
 # streets are one likely reason; another may be that the specialist was trained on narrower ranges
-# of flying time, data and numbers of devices.
+# of flying time, data and numbers of devices than `any_city`.
 #
 # The greedy rule is a strong rival here, because it knows the shortest route between any two cells of any city. Whether the
 # difference between greedy and `any_city` is luck is a question for 13.5.

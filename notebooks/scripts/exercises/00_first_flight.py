@@ -102,8 +102,8 @@ checks.pilots(who)
 
 # %% [markdown]
 # The next exercise takes place in the *village*, a city of 8×8 cells. The code below draws the
-# mission. To try things out, call `picture(actions)` with a list of actions, which draws the flight
-# on the map. Arrows show moves, and rings show where the UAV hovers. Both have the colour of the
+# mission. To try things out, call `picture(actions)` with a list of actions: it draws the flight on
+# the map. Arrows show moves, and rings show where the UAV hovers. Both have the colour of the
 # device that sent the most data in that step, and are black if no device sent any. When the list is
 # used up, the UAV hovers until its time is up.
 

@@ -90,12 +90,12 @@ checks.centre(centre)
 #
 # <details><summary>Hint</summary>
 #
-# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does a device lie that is one row further south?
+# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does a device lie that is one row south of the UAV?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# row − uav[0] says how many rows further south the device is, and may be negative. Add M − 1.
+# row − uav[0] says how many rows south of the UAV the device is; it may be negative. Add M − 1.
 # </details>
 
 # %%

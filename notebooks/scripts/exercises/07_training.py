@@ -94,8 +94,8 @@ print("a batch of", len(pair))
 # crash does not pull too hard at the weights).
 #
 # The check trains your agent for 2000 rounds, in about half a minute, and flies it through 500
-# missions, always with the best action. Your agent passes if its *collected and landed* is at least
-# 20 percentage points above that of random flying (11 %), and if it has learned that nothing
+# missions, always taking its best action. Your agent passes if its *collected and landed* is at
+# least 20 percentage points above that of random flying (11 %), and if it has learned that nothing
 # follows the end of an episode. So passing means that your agent learns, and not that everything is
 # right: with three seeds, our solution reached 50, 72 and 63 %. Before training, a network like
 # ours mostly lands at once or never, so it collects and lands 0 to 12 %. `REWARDS` counts 1 for
@@ -371,7 +371,7 @@ for name in MAY_CHANGE:
 #   place.
 #
 # The check trains an agent with your recipe and seed 0. Then it flies the agent, as it is at the
-# end of the run, through 500 test missions of the village, always with the best action. All this
+# end of the run, through 500 test missions of the village, always taking its best action. All this
 # takes about half a minute on a machine that is not busy.
 #
 # <details><summary>Hint</summary>

@@ -72,10 +72,10 @@ checks.old_share(old_share)
 # %% [markdown]
 # ## 11.2 · Prioritised replay (2 points, 12 minutes)
 #
-# A step whose Q-value is far from its target has more to teach than one whose value is known already.
-# **Prioritised replay** draws the steps with large errors more often. But then strokes of luck are seen more
-# often than they happen, and the mean that Q should learn is shifted. So each drawn step's loss gets a weight
-# that makes up for this. Compute both the probabilities and the weights.
+# A step whose Q-value is far from its target has more to teach than one whose value is known already. **Prioritised
+# replay** draws the steps with large errors more often than others. But then strokes of luck are seen more often than
+# they happen, and the mean that Q should learn is shifted. So each drawn step's loss gets a weight that makes up for
+# this. Compute both the probabilities and the weights.
 #
 # - `error`: array $(N,)$, target minus Q-value of each step in the memory, of either sign
 # - `floor`: a number above 0, so that a step without an error is drawn now and then, too

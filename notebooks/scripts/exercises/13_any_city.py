@@ -46,7 +46,7 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Hint</summary>
 #
-# Write down for each of the four moves where it points after one turn, and where in a mirror. Which two actions never change?
+# Write down for each of the four moves where it points after one turn, and where it points in a mirror. Which two actions never change?
 # </details>
 #
 # <details><summary>Another hint</summary>

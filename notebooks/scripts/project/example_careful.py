@@ -107,8 +107,9 @@ for name in recipes:
 # ## 5 · What I conclude, and what I do not
 #
 # The direction of the prediction was right, but its size was wrong. With the dearer step the agents
-# use 63 points less of their time, far more than the 5 that I had in mind. They collect 54 points
-# less, whereas I had expected about 5. Neither interval contains 0, and all three seeds agree.
+# use 63 percentage points less of their time, far more than the 5 that I had in mind. They collect
+# 54 points less, whereas I had expected about 5. Neither interval contains 0, and all three seeds
+# agree.
 #
 # The reason is not that they hurry. They have become *lazy*, as notebook 7 calls it (7.4): they use
 # 4 to 8 % of their flying time, land at once, and leave nearly all data behind. At half a unit for

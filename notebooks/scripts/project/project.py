@@ -18,7 +18,7 @@
 # - Does an agent that pays more for each step land sooner, and does it leave data behind?
 # - Does a discount of 0.9 do as well as 0.95 in a city as small as the village?
 # - In my city the landing zone lies behind a wall. Is learning harder there than in the village?
-# - Does my own DQN from exercise 7.1 profit from a larger memory?
+# - Does my own DQN from exercise 7.1 benefit from a larger memory?
 # - What happens if data is worth less towards the end of a flight?
 #
 # The example in this template is: *does an agent that has trained for 16,000 steps over the village
