@@ -219,8 +219,8 @@ for city, results in cities.items():
 #
 # While an agent learns, it is validated again and again. The network as it stands at such a moment
 # is called a *checkpoint*, and the best checkpoint is kept. But its validation score flatters it.
-# To see why, imagine 20 checkpoints that are equally good. Each flies missions of its own, drawn
-# from the 1000 above, and you report the best of the 20 scores. Repeat that 300 times:
+# To see why, imagine 20 equally good checkpoints. Each flies missions of its own, drawn from the
+# 1000 above, and you report the best of the 20 scores. Repeat that 300 times:
 
 # %%
 values = cities["manhattan"]["agent"][BOTH]
@@ -265,9 +265,9 @@ figure
 # short, a detour to the wrong device cannot be made up for, and only the genie knows beforehand
 # what a device will yield.
 #
-# On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings
-# home 98 to 99 %. So hard missions are hard for both, and it is in the easy ones that the agent falls behind. With eight groups in
-# one figure, treat any single one as no more than a hint.
+# On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings home
+# 98 to 99 %. So hard missions are hard for both, and it is in the easy ones that the agent falls behind greedy. With eight groups in one
+# figure, treat any single one as no more than a hint.
 #
 # ## 10.6 Failures, one by one
 #

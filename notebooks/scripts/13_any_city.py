@@ -70,7 +70,7 @@ figure
 # Every city has what a mission needs: there are one to three landing zones, and every cell over which the UAV may fly can be reached.
 # Equal seeds give equal cities, so `random:100:1` always means the same hundred: the first hundred of seed 1.
 #
-# Every city is really eight cities, at no extra cost (**data augmentation**). Turn it by a right angle, or mirror it, and you
+# Every city is really eight cities, at no extra cost (**data augmentation**). Turn it through a right angle, or mirror it, and you
 # have another city with the same task. Only the actions have to turn with it, so that north becomes west, and so on.
 #
 # The agent `any_city` learned in cities of seed 0, with one of them drawn for each mission. Are any
