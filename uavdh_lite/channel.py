@@ -18,7 +18,7 @@ class Channel:
     path_loss_exponent_los: float = option(2.27, "path loss exponent with line of sight", ge=0)
     path_loss_exponent_nlos: float = option(3.64, "path loss exponent without line of sight", ge=0)
     fading_variance_los_db2: float = option(2.0, "variance of the fading with LoS, dB²", ge=0)
-    fading_variance_nlos_db2: float = option(5.0, "and without LoS, dB²", ge=0)
+    fading_variance_nlos_db2: float = option(5.0, "variance of the fading without LoS, dB²", ge=0)
     slots: int = option(4, "communication slots in a mission slot, δ", ge=1, le=1000)
 
     def __post_init__(self):

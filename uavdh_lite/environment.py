@@ -123,7 +123,7 @@ class Rewards:
     """
 
     data: float = option(1.0, "reward for a data unit uploaded")
-    movement: float = option(-0.2, "reward for every step that does not land, r_mov")
+    movement: float = option(-0.2, "reward for each step without a landing, r_mov")
     safety: float = option(-1.0, "reward for an intervention of the safety controller, r_sc")
     crash: float = option(-150.0, "reward for running out of flying time, r_crash")
 

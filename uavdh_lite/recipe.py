@@ -34,8 +34,8 @@ class Recipe:
     steps: int = option(1_000_000, "environment steps in all, including the prefill", ge=1)
     # What the network sees
     observation: Literal["centred", "non_centred"] = option("centred", "kind of map")
-    data_scale: float = option(1.0, "data on the maps is divided by this, data units", gt=0)
-    time_scale: float = option(1.0, "the flying time is divided by this, units of time", gt=0)
+    data_scale: float = option(1.0, "data units by which the data on the maps is divided", gt=0)
+    time_scale: float = option(1.0, "units of time by which the flying time is divided", gt=0)
     # Network
     kernels: int = option(16, "kernels of each convolution", ge=1, le=1024)
     kernel_size: int = option(5, "side of a kernel, cells", ge=1, le=199)
@@ -47,28 +47,28 @@ class Recipe:
     leak: float = option(0.0, "slope of the ReLUs below 0; 0: plain ReLUs", ge=0)
     # Learning
     discount: float = option(0.95, "discount factor γ", ge=0, le=1)
-    return_steps: int = option(1, "steps n whose rewards a target sums", ge=1, le=1000)
+    return_steps: int = option(1, "number n of steps whose rewards a target adds", ge=1, le=1000)
     target_update_rate: float = option(0.005, "soft update rate τ of the target", gt=0, le=1)
     learning_rate: float = option(3e-5, "Adam's learning rate at the start", gt=0)
-    learning_rate_end: float | None = option(None, "rate at the end; none: constant", ge=0)
+    learning_rate_end: float | None = option(None, "the same at the end; none: constant", ge=0)
     amsgrad: bool = option(True, "Adam's amsgrad variant")
     huber_delta: float | None = option(
         None, "error from which the loss is linear; none: never", gt=0
     )
     batch_size: int = option(128, "transitions in a minibatch", ge=1, le=100_000)
     # Experience
-    environments: int = option(1, "episodes flown at a time; one update a step of all", ge=1)
+    environments: int = option(1, "episodes at a time; one update follows each step of all", ge=1)
     replay_capacity: int = option(50_000, "transitions in the replay memory", ge=1, le=100_000_000)
-    replay_prefill: int = option(25_000, "transitions of random actions before learning", ge=1)
+    replay_prefill: int = option(25_000, "random transitions before learning begins", ge=1)
     temperature: float = option(0.1, "temperature β of the softmax policy at the start", gt=0)
     temperature_end: float | None = option(None, "β after its decay; none: constant", gt=0)
     temperature_decay: float = option(0.5, "share of the run in which β decays", ge=0, le=1)
     crash_reward: float = option(-150.0, "reward for running out of time, r_crash, at the start")
     crash_reward_end: float | None = option(None, "r_crash after its growth; none: constant")
     crash_reward_growth: float = option(0.5, "share of the run in which r_crash grows", ge=0, le=1)
-    movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
+    movement_reward: float = option(-0.2, "reward for each step without a landing, r_mov")
     exploring_starts: float = option(0.0, "share of episodes that start under way", ge=0, le=1)
-    exploring_spare_time: int = option(5, "time that these have beyond the way home", ge=0)
+    exploring_spare_time: int = option(5, "time that such episodes have beyond the way home", ge=0)
     # Validation, on the same missions each time: the agent kept has the highest return in it
     validation_interval: int = option(50_000, "environment steps between greedy validations", ge=1)
     validation_episodes: int = option(1000, "missions of each validation", ge=1, le=100_000)

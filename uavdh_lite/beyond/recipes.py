@@ -78,9 +78,9 @@ class ImitationRecipe(BeyondRecipe):
         0.0, "share of the planned flights that begin where the learner has flown", ge=0, le=1
     )
     labels: int | None = option(
-        None, "environment steps that copy; those after them learn by reward; none: all", ge=1
+        None, "environment steps that copy; later steps learn from reward; none: all copy", ge=1
     )
-    reward_learning_rate: float = option(1e-4, "learning rate when that begins; 0 at the end", gt=0)
+    reward_learning_rate: float = option(1e-4, "learning rate for rewards; it falls to 0", gt=0)
 
     def learning_rate_at(self, steps: int) -> float:
         labels = self.steps if self.labels is None else min(self.labels, self.steps)
