@@ -56,7 +56,7 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # it has to work out from the layer of buildings or, if it flies in a single city, learn by heart.
 #
 # The UAV is always in the middle of the *frame*, the square that each picture fills. This is **map
-# centring**, the paper's main idea (section III-C).
+# centring** (section III-C), the paper's second idea after the map itself.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -88,20 +88,19 @@ def at_time(state, units):
     return replace(state, time_left=np.full_like(state.time_left, units))
 
 # %%
-street = Mission(city, (11, 8), [(4, 7), (11, 11)], [15, 10], 50).state
-for units in (50, 14, 10):
+street = Mission(city, (8, 8), [(0, 8), (8, 4)], [15, 10], 50).state
+for units in (50, 15, 14):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
-# One device is far away to the north, the other is close by to the east, and home is to the
-# south-east. The five pictures are the same each time, but the answers are not. With 50 units left,
-# and with 14, the agent makes for the near device. With 10 it turns for home, because nine moves
-# and the landing take exactly that long. From the pictures alone it could not tell these cases
-# apart, so it would have to do the same in all three.
+# One device is far to the north, the other is nearer, in the west, and the nearest landing zone is
+# in the south-east. The five pictures are the same each time, but the answers are not. With 50 or
+# 15 units left, the agent makes for the near device. With 14 it turns for home, because from the
+# next cell to the west the way home would take 14 units and only 13 would be left. From the
+# pictures alone it could not tell these cases apart.
 #
-# To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. The
-# agent sees the true pictures, but the time that it is shown never changes. The true time runs out
-# nevertheless.
+# To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. It sees
+# the true pictures, but the time it is shown never changes. The true time runs out nevertheless.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate

@@ -36,7 +36,7 @@ for ax in figure.axes:
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Read the paper's main figure, look at single runs, compute what they prove, and move the landing zones |
+# | **What you'll do** | Read the paper's figure on centring, look at single runs, compute what they prove, and move the landing zones |
 # | **What you'll learn** | Ablations, baselines, paired differences, intervals over runs, and why one seed proves nothing |
 # | **What you'll need** | Notebooks 4, 5 and 7. 50 minutes to read, 20 seconds to run; 31 minutes of exercises |
 #
