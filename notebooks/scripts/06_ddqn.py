@@ -59,35 +59,21 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
-# This is the **Bellman equation** of the best policy (*Bellman optimality equation*; for a given
-# policy, the Q-value of its own next action replaces the maximum). It answers the question at the
-# top: no number has to know about twenty steps, because each only has to agree with its neighbour,
-# and the neighbour with the next. (In a **stochastic** world, where chance plays a part, the
-# right-hand side is a mean.)
+# This is the **Bellman equation** of the best policy. It answers the question at the top: no number
+# has to know about twenty steps, because each only has to agree with its neighbour, and the
+# neighbour with the next.
 #
 # Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
-# $s'$, and so the *present* value of the right-hand side. This is the **target** $y$. The entry
-# moves a fraction $\alpha$, the learning rate, of the way to it:
+# $s'$, and so the *present* value $y$ of the right-hand side. The entry moves a fraction $\alpha$ of
+# the way to it:
 #
 # $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
-# This is **Q-learning**. The gap $y-Q(s,a)$ is the **TD error** (*temporal difference*): how much
-# better (or worse) the step turned out than the table expected. With a small $\alpha$, good and bad
-# luck average out. If the distribution $p$ of notebook 3 were known, a small table could be
-# computed without a flight (**dynamic programming**); Q-learning needs no $p$: it is *model-free*.
-#
-# Nothing follows the last step of an episode, so there $y=r$. If you forget this, rewards seem to
-# go on after a crash.
-#
-# Not every stop is an end. When our UAV's time is up, which the agent can foresee from the state,
-# the mission is over: this is a true end, a **termination**. If the simulation merely stops, say
-# after 1000 steps, that is a **truncation**: something does follow, and $y$ keeps its second part.
-#
-# Let us make two updates by hand. The UAV is one cell west of the device and flies east, so
-# $y=9.8$. With $\alpha=0.5$ the entry goes from 0 to 4.9. Some flights later the UAV is in the next
-# cell to the west and flies east: $y=-0.2+0.95\cdot4.9=4.5$. The news has moved one cell back. Here
-# is the largest Q-value of each cell, the cell's *value* $V(s)=\max_aQ(s,a)$, after 1, 3 and 100
-# flights:
+# With $\gamma=0.95$ and $\alpha=0.5$, let us make two updates by hand. The UAV is one cell west of the
+# device and flies east. Nothing follows the last step of an episode, so $y=r=9.8$, and the entry
+# goes from 0 to 4.9. Some flights later the UAV is in the next cell to the west and flies east:
+# $y=-0.2+0.95\cdot4.9=4.5$. The news has moved one cell back. Here is the largest Q-value of each
+# cell, the cell's *value* $V(s)=\max_aQ(s,a)$, after 1, 3 and 100 flights:
 
 # %%
 from uavdh_lite.course.small_city import CELLS, START, flights_of
@@ -101,15 +87,33 @@ def table(flights, gamma=0.95):
 draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 
 # %% [markdown]
-# After one flight only the last cell before the device knows that something good is near. Each
-# further flight spreads the news, until the start in the lower left corner is worth 6.7. This is
-# how a table solves **credit assignment**: from back to front.
+# After one flight only the last cell before the device knows that something good is near. (In the
+# cells with −0.1 and −0.2, all four moves have been tried in vain.) Each further flight spreads the
+# news, until the start is worth 6.7. This is how a table solves **credit assignment**: from back to
+# front.
+#
+# ### Names
+#
+# The method is **Q-learning**. The value $y$ is the **target**, $\alpha$ the learning rate, and the
+# gap $y-Q(s,a)$ the **TD error** (*temporal difference*): how much better or worse the step turned
+# out than the table expected. In a **stochastic** world, where chance plays a part, the right-hand
+# side of the equation is a mean; with a small $\alpha$, good and bad luck average out. Q-learning
+# is *model-free*: it needs steps, but not notebook 3's distribution $p$. If $p$ were known, a small
+# table could be computed without a flight (**dynamic programming**).
 #
 # The UAV picked all actions at random, and still learned what *good* flying is worth, because the
 # target asks for the *best* next action and not for the one taken next. A method that may learn
 # from the flights of another policy is called **off-policy**. (That policy must try every action in
 # every cell again and again.) An **on-policy** method, such as *SARSA*, would have learned what
 # flying at random is worth.
+#
+# ### The last step
+#
+# At the last step of an episode $y$ is $r$ alone. If you forget this, rewards seem to go on after a
+# crash. But not every stop is an end. When our UAV's time is up, which the agent can foresee from
+# the state, the mission is over: this is a true end, a **termination**. If the simulation merely
+# stops, say after 1000 steps, that is a **truncation**: something does follow, and $y$ keeps its
+# second part.
 #
 # ### The discount
 #
@@ -218,9 +222,9 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # While the online network takes a step, the targets hardly move, so it can catch up with them. The
 # target network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. (The deep
-# Q-network of 2015 made *hard* updates instead: a full copy every 10,000 updates.) With
-# $\tau=0.00001$ the targets would stay meaningless for the whole run; with $\tau=1$ both networks
-# would be identical. Here is $\tau=0.05$:
+# Q-network of 2015 made *hard* updates: a full copy every 10,000 updates.) With $\tau=0.00001$ the
+# targets would stay meaningless for the whole run; with $\tau=1$ both networks would be identical.
+# Here is $\tau=0.05$:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -269,17 +273,16 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 axes[0].set_ylabel("probability");
 
 # %% [markdown]
-# With a low β the agent nearly always takes one of the best actions, with a high β almost any. When
-# training is over, it no longer draws but takes the best action. This is the **greedy policy** (eq.
-# 9).
+# With a low β the agent nearly always takes one of the best actions, with a high β almost any.
+# After training it always takes the best action, which is the **greedy policy** (eq. 9).
 #
 # The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
 # otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
 # tries the worst action as often as the second best.
 #
-# One could also mask pointless actions (3.4), because the safety controller knows them and is
-# always on board. But then the maximum in the target must be masked, too, or it may fall on an
-# action whose value nothing corrects. The paper uses penalties; so do we.
+# One could also mask pointless actions (3.4), because the safety controller knows them. But then
+# the maximum in the target must be masked, too, or it may fall on an action whose value nothing
+# corrects. The paper uses penalties; so do we.
 #
 # ## 6.5 Double Q-learning
 #
@@ -308,17 +311,17 @@ chooser, own = torch.randn(2, 20_000, 6)
 for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a stranger", 0.0)):
     # share is the correlation with the chooser's errors: 1 for equal ones, 0 for unrelated ones
     judge = share * chooser + (1 - share**2) ** 0.5 * own
-    y = ddqn_target(torch.zeros(20_000), torch.ones(20_000), chooser, judge)
+    y = ddqn_target(torch.zeros(20_000), torch.ones(20_000), chooser, judge)  # reward 0, discount 1
     print(f"{name:<19} mean target {y.mean():5.2f}")
 
 # %% [markdown]
 # The right target is 0, and only the stranger finds it. The target network, an older copy, is a
 # related judge, so it removes only part of the bias.
 #
-# Why not simply halve the maximum, or subtract a constant from it? Because the bias is not the same
-# everywhere: it is large where several actions are almost equally good and their values uncertain,
-# and nearly 0 where one action is clearly the best. So it does not cancel when states are compared,
-# and it draws the agent to states about which it knows little.
+# No constant can correct the bias, because it is not the same everywhere: it is large where several
+# actions are almost equally good and their values uncertain, and nearly 0 where one action is
+# clearly the best. So it does not cancel when states are compared, and it draws the agent to states
+# about which it knows little.
 #
 # A deep network with double Q-learning is a *double deep Q-network*, or **DDQN**.
 #
