@@ -118,7 +118,7 @@ for name, values in flights.records().items():
 # | `landed` | 1 if the UAV landed in time, else 0 |
 # | `collected` | the collected share of all data, from 0 to 1 |
 # | `collected_and_landed` | the product of these two |
-# | `return` | the sum of all rewards: data collected, minus 0.2 for each step, minus penalties |
+# | `return` | the sum of all rewards: data collected, minus 0.2 for each step but the landing, minus penalties |
 # | `time_used` | the share of the flying time that was used |
 # | `safety_interventions` | how often a forbidden action was refused |
 #
@@ -226,8 +226,8 @@ for metric in scores["random"]:
     print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# (Notebook 8 repeats this comparison on other missions, so its numbers differ a little from these.)
-# Read the columns from right to left.
+# (In the 1000 other missions of notebook 8 the agent does worse; that notebook says which result to
+# trust.) Read the columns from right to left.
 #
 # **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data.
 # A high `landed` alone does not make a good pilot, and `collected_and_landed` shows how little this

@@ -181,12 +181,11 @@ for action in (NORTH, NORTH):
 # episodes would hardly ever last long enough for it to collect much.
 #
 # The controller is a part of the UAV, not of the training. The trained agent still needs it,
-# because it makes a few wrong moves in every hundred missions, and without the controller each
-# could be a collision.
+# because it makes a few wrong moves in every hundred missions, one in ten of them into a wall.
 #
 # One could also remove the forbidden actions from the agent's choices, which is called **masking**.
 # Then the agent would not need penalties to learn where the walls are. The paper lets the agent try
-# such actions and pay, so that it has to learn to read the map.
+# such actions and pay, so it has to learn to read the map.
 #
 # One disaster remains: the time is up, and the UAV is still in the air. Nothing is uploaded in a
 # step that ends an episode, whether by a crash, as here, or by a landing. (The paper leaves this

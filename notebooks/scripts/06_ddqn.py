@@ -128,11 +128,11 @@ for gamma in (0.5, 0.95, 1.0):
     print(f"γ = {gamma:<5}the start is worth {table(300, gamma)[START]:.1f}")
 
 # %% [markdown]
-# With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=0$ only the next reward would
-# count, as for the agent in 3.3 that lands at once. With $\gamma=1$ the device counts in full, which
-# does no harm here: the sum stays finite, because every flight ends. (In a task without an end it
-# could grow without bound, so there $\gamma$ must be below 1.) So **why discount, if the plain sum
-# is what we want?**
+# With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=0$ only the next reward
+# would count, as for the agent in 3.3 that lands at once. With $\gamma=1$ the device counts in
+# full, which does no harm here: a flight that never ends costs more and more, so the best flights
+# end. (If a task has no end, the sum may be unbounded; then $\gamma$ must be below 1.) So **why
+# discount, if the plain sum is what we want?**
 #
 # - *Errors.* Each value is estimated from the next, which is estimated from the one after it, and
 #   so on. Each estimate adds an error, and $\gamma$ shrinks the errors from far away.
@@ -143,16 +143,15 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
 # the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 and is 60
-# steps ahead counts only $150\cdot0.95^{60}\approx7$. In the paper's city that does no harm,
-# because home is never more than 14 moves away. A longer way home needs a larger $\gamma$.
+# steps ahead counts only $150\cdot0.95^{60}\approx7$. Over Manhattan that does no harm: home is
+# never more than 14 moves away. A longer way home needs a larger $\gamma$.
 #
 # ## 6.2 A network instead of the table
 #
-# A table for the paper's city would need a row for every combination of positions, times and
-# amounts of data: for five devices more than $10^{13}$ rows, even without the amounts. So a network
-# computes the Q-values from its inputs, here the row and the column of the cell. It answers even
-# for a cell that it has never seen, and neighbouring cells get similar values. This is
-# **generalisation**.
+# A table for Manhattan would need a row for every combination of positions, times and amounts of
+# data: for five devices more than $10^{13}$ rows, even without the amounts. So a network computes
+# the Q-values from its inputs, here the row and the column of the cell. It answers even for a cell
+# that it has never seen, and neighbouring cells get similar values. This is **generalisation**.
 #
 # In the table, an entry moved a fraction $\alpha$ of the way to $y$. Now the weights $\theta$ take
 # a step downhill on the squared error (paper, eq. 7):
@@ -223,8 +222,8 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # While the online network takes a step, the targets hardly move, so it can catch up with them. The
 # target network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. (The deep
 # Q-network of 2015 made *hard* updates: a full copy every 10,000 updates.) With $\tau=0.00001$ the
-# targets would stay meaningless for the whole run; with $\tau=1$ both networks would be identical.
-# Here is $\tau=0.05$:
+# targets would stay meaningless for the whole run below; with $\tau=1$ both networks would be
+# identical. Here is $\tau=0.05$:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -287,8 +286,9 @@ axes[0].set_ylabel("probability");
 # ## 6.5 Double Q-learning
 #
 # Q-values are estimates, so each has some error. In the first picture, landing is refused and costs
-# 1 more than hovering, so its bar should be 1 lower. It is nearly 7 lower, because nothing corrects
-# the value of an action that is hardly ever tried. What do such errors do to the largest Q-value?
+# 1 more than hovering, so its bar should be 1 lower. It is nearly 7 lower, perhaps because nothing
+# corrects the value of an action that is hardly ever tried. What do errors do to the largest
+# Q-value?
 
 # %%
 Quiz("whose_maximum")
