@@ -144,7 +144,7 @@ for gamma in (0.5, 0.95, 1.0):
 # The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
 # the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 and is 60
 # steps ahead counts only $150\cdot0.95^{60}\approx7$. Over Manhattan that does no harm: home is
-# never more than 14 moves away. A longer way home needs a larger $\gamma$.
+# never more than 14 moves away. A longer way needs a larger $\gamma$.
 #
 # ## 6.2 A network instead of the table
 #
