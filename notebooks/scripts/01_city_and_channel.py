@@ -5,8 +5,8 @@
 #
 # The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets
 # data quickly, and over a dark one it gets hardly any. It may not fly over the grey buildings or
-# the hatched zone. By the end you will be able to compute every one of these colours, as long as
-# you are told which cells are in sight of the device.
+# the hatched zone. By the end you will be able to compute every one of these colours, if you are
+# told which cells are in sight of the device.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -60,8 +60,8 @@ for ax, name in zip(figure.subplots(1, 3), ("landing", "no_fly", "buildings")):
 figure
 
 # %% [markdown]
-# Black means yes. The questions are, from left to right: May the UAV start and land here? Is it
-# forbidden to fly here? Does a building block the radio here?
+# Black means yes. From left to right: May the UAV start and land here? Is it forbidden to fly here?
+# Does a building block the radio here?
 #
 # Compare the second layer with the third. A cell that is black in both is a *tall* building: the
 # UAV may not enter it, and it blocks the radio. A cell that is black only in the third layer is
@@ -77,7 +77,7 @@ print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only close
 # %% [markdown]
 # The paper's UAV is “not allowed to fly over buildings” at all, so this city has no low buildings;
 # other maps of the library have some. A device may stand anywhere, even in the no-fly zone, except
-# on a building or in a landing zone. No two devices share a cell.
+# on a building or in a landing zone.
 #
 # ## 1.2 Path loss
 #
@@ -132,8 +132,9 @@ figure
 # How strong is the transmitter? Instead of $P/\sigma^2$, the paper states the *cell-edge SNR*. This
 # cell is not one of our grid cells, but the area that a base station of a phone network serves,
 # which here is the whole map. An unobstructed link along the ground, from the middle of the map to
-# a device in a corner, has an SNR of −15 dB. From this, $P/\sigma^2$ follows. Take the distance,
-# compute the loss, and add it to the SNR at the corner:
+# a device in a corner, has an SNR of −15 dB. (This definition leaves out the height, which every
+# link below includes.) From this, $P/\sigma^2$ follows. Take the distance, compute the loss, and
+# add it to the SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2
@@ -170,8 +171,9 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # course.
 #
 # Why a logarithm? If a slot is to carry one unit more, the receiver must tell twice as many
-# different signals apart in the same noise, and at a high SNR that takes twice the power. So
-# to *add* one unit of data, you have to *multiply* the power by two.
+# different signals apart in the same noise. Signals are points in a plane, so twice as many fill
+# twice the area, and the area grows with the power. So at a high SNR, to *add* one unit of data,
+# you have to *multiply* the power by two.
 #
 # First predict:
 
@@ -213,20 +215,19 @@ for distance in (0, 10, 20, 30, 100):
 #
 # Trees, signs and vehicles make a signal stronger or weaker than the distance alone would suggest.
 # This is called *shadow fading*. Despite its name, it has nothing to do with the violet shadows of
-# notebook 0. Those are cast by buildings, which are on the map, whereas fading stands for what is
-# not on the map. (Reflections add *multipath fading*, which changes within centimetres; the paper
-# leaves it out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with
-# mean 0, drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a
-# building. Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so
-# in decibels the effects add up, and a sum of many independent effects is nearly normal. Such a
-# power is called *log-normal*. The paper calls the variance $\sigma_l^2$; do not confuse it with
-# $\sigma^2$, the power of the noise.
+# notebook 0, which are cast by buildings on the map: fading stands for what is not on the map.
+# (Reflections add *multipath fading*, which changes within centimetres; the paper leaves it out.)
+# The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean 0, drawn
+# anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a building. Why
+# normal, and why in decibels? Each obstacle multiplies the power by some factor, so in decibels the
+# effects add up, and a sum of many independent effects is nearly normal. Such a power is called
+# *log-normal*. The paper calls the variance $\sigma_l^2$; do not confuse it with $\sigma^2$, the
+# power of the noise.
 #
 # In a real street shadow fading is *correlated*: the tree that is in the way now is still in the
 # way one step later, so the fading stays similar over tens of metres. The paper nevertheless draws
-# it anew in every slot, and so do we: if good luck came in runs, past luck would say something
-# about the future, so it could pay to leave a place with bad luck, and the agent would have to
-# remember its luck (notebook 3).
+# it anew in every slot, and so do we: if good luck came in runs, it could pay to leave a place with
+# bad luck, and the agent would have to remember its luck (notebook 3).
 #
 # In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
 # data?
@@ -235,8 +236,8 @@ for distance in (0, 10, 20, 30, 100):
 Quiz("luck_on_average")
 
 # %% [markdown]
-# To find the mean rate, take all amounts of luck from very bad to very good, and weight the rate
-# for each amount by how likely that amount is, according to the normal distribution.
+# To find the mean rate, average the rate over all amounts of luck, each weighted by how likely the
+# normal distribution makes it.
 
 # %%
 luck_db, mean_db = np.linspace(-12, 12, 481), snr_db(30, 2.27)
@@ -274,7 +275,8 @@ figure
 # Textbooks often say the opposite, that fading *lowers* the rate. They compare links with the same
 # mean SNR, and as a function of this ratio, rather than of decibels, the rate bends downwards. Here
 # the mean is fixed in decibels. So fading raises the mean SNR, by 5 % in sight and by 14 % behind a
-# building, and that is more than the bend takes away.
+# building (the mean of $10^{\eta/10}$ over a normal $\eta$), and that is more than the bend takes
+# away.
 #
 # The UAV cannot foresee luck. It can only choose places that are good on average.
 #

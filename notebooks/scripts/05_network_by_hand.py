@@ -146,7 +146,7 @@ ax.set(xlabel="weight", ylabel="loss");
 # **backpropagation**. In PyTorch:
 
 # %%
-w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # remember what is computed with these
+w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # note all operations on these
 loss = (w2 * torch.relu(w1 * 3) - 6) ** 2
 slopes = torch.autograd.grad(loss, (w1, w2))
 print("loss", loss.item(), "slopes", [slope.item() for slope in slopes])
@@ -162,9 +162,10 @@ print("loss", loss.item(), "slopes", [slope.item() for slope in slopes])
 from torch import nn
 
 def train(model, x, y, updates=400):
-    optimiser = torch.optim.Adam(model.parameters(), lr=0.002)
+    optimiser = torch.optim.Adam(model.parameters(), lr=0.002)  # of all its weights
     for _ in range(updates):
         rows = torch.randint(len(x), (128,))  # a minibatch: 128 examples drawn at random
+        # [:, 0]: the network gives a column of numbers, (128, 1), whereas y is a list, (128,)
         loss = ((model(x[rows])[:, 0] - y[rows]) ** 2).mean()
         optimiser.zero_grad()
         loss.backward()
@@ -185,8 +186,7 @@ def train(model, x, y, updates=400):
 #
 # Move the neuron of 5.1 across a larger picture like a window, and write down its output at each
 # place. This is a **convolution**, and the weights are its *kernel*. (Signal processing calls it a
-# *cross-correlation*; a convolution there mirrors the kernel first. As a network learns its
-# kernels, this makes no difference.)
+# *cross-correlation*; for kernels that are learned, the difference does not matter.)
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -202,16 +202,15 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # building moves one cell east, so does the result (**translation equivariance**).
 #
 # In the agent's first convolution, each of the 16 kernels has 5 × 5 weights for each of the map's
-# five layers, adds up the products, and makes one new picture, a **feature map**, for the
-# second convolution.
+# five layers, and makes one new picture, a **feature map**, for the second convolution.
 #
 # The number of cells by which the window moves each time is the **stride**. With a stride of 3 the
 # result has a third as many cells on each side, which saves work and weights. But it moves along
 # exactly only if the building moves by three cells.
 #
-# Many networks for pictures use **pooling**: of each small window, or of a whole feature map,
-# they keep only the largest number or the mean. That suits the question *whether* something is in
-# the picture. Here it matters *where* it is, so our network has none.
+# Many networks for pictures use **pooling**: of each small window they keep only the largest number
+# or the mean. That suits the question *whether* something is in the picture. Here it matters
+# *where* it is, so our network has none.
 #
 # ### What a unit can see
 #
@@ -239,7 +238,8 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # cells apart, reach $8\cdot3+5=29$ cells; a tenth does not fit. So the agent's network **never
 # reads the last two rows and columns**: it cannot see a device 14 or 15 cells south or east of the
 # UAV, and more than a quarter of the missions over Manhattan begin with one there. (The paper's
-# strides of 1 leave nothing out, but let the unit see only $5+4=9$ cells.)
+# strides of 1 leave nothing out, but let the unit see only $5+4=9$ cells.) Our stride makes an
+# update about eight times cheaper; what the strip costs has not been measured.
 #
 # ## 5.6 One question, three networks
 #
@@ -315,7 +315,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 #
 # Layer normalisation shifts and scales the 256 sums to mean 0 and standard deviation 1, so that
 # none is far too large for the next layer; two learned numbers for each sum then adjust it. The
-# flying time does not belong to any cell, so it joins the list after the convolutions.
+# flying time belongs to no cell, so it joins the list after the convolutions.
 #
 # Nearly all of the paper's weights are in the first dense layer, 256 neurons with 8465 inputs each.
 # So the network fits only one size of *city*.

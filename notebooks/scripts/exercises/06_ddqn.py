@@ -11,8 +11,12 @@
 # code *does*, not at how it is written. Hints are folded away below each task. Your code runs
 # inside this notebook. If it never finishes, interrupt the kernel with the stop button.
 #
-# You cannot get stuck: a step that builds on an earlier one begins with a solution to the earlier
-# one, folded away. Open it when you have your own, or when you want to go on without one.
+# If you are still stuck after a quarter of an hour with all the hints, read the solution, close it,
+# and write your own from memory. Solutions are in the folder `solutions`, beside `exercises`,
+# unless somebody handed you a copy of the course without them.
+#
+# Exercise 6.4 builds on 6.2, so it begins with a solution to 6.2, folded away. Open it when you have
+# your own, or when you want to go on without one.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.

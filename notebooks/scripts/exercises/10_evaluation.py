@@ -6,6 +6,10 @@
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
 # right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
 # never finishes, interrupt the kernel with the stop button.
+#
+# If you are still stuck after a quarter of an hour with all the hints, read the solution, close it, and write your own from
+# memory. Solutions are in the folder `solutions`, beside `exercises`, unless somebody handed you a copy of the course without
+# them.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
