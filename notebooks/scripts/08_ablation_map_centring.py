@@ -134,21 +134,21 @@ figure.supylabel("collected and landed");
 #
 # ## 8.4 How sure can you be?
 #
-# ### Intervals over runs
+# Three other seeds would show a different lead. How different? Take the runs in pairs, one pair for
+# each seed, so that each seed gives one difference. The **standard error** of their mean is their
+# standard deviation $s$ divided by the square root of their number $n$, so four times as many pairs
+# halve it. A **95 % confidence interval** extends $m$ standard errors to either side of the mean:
 #
-# Six other runs would give a different mean. How different? The **standard error** gives an idea:
-# it is the standard deviation $s$ of the results, divided by the square root of their number $n$,
-# so four times as many runs halve it. The standard error of the gap combines the errors of both
-# kinds:
+# $$\text{mean}\pm m\,\frac{s}{\sqrt{n}}$$
 #
-# $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
+# | $n$ | 3 | 6 | 17 | 1000 |
+# | --- | --- | --- | --- | --- |
+# | $m$ | 4.3 | 2.6 | 2.1 | 1.96 |
 #
-# A **95 % confidence interval** extends a few standard errors to either side of the result. With
-# many runs it takes two, or 1.96 to be exact. With few runs $s$ itself is uncertain, so it takes
-# more. *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three. For two kinds
-# together fewer are enough, about 2.2 with six runs of each and 2.8 with three if both vary alike;
-# we take the larger numbers. If all runs were made again and again, at least 95 % of such intervals
-# would contain the true gap, provided that the results are roughly normally distributed.
+# Three differences may lie close together by chance; then $s$ is too small, and the large $m$ makes
+# up for it. (*Student's t distribution* gives these numbers.) If all runs were made again and
+# again, 95 % of such intervals would contain the true lead, provided that the differences are
+# roughly normally distributed.
 
 # %%
 import numpy as np
@@ -156,9 +156,10 @@ import numpy as np
 def gap(table, steps):
     rows = table["steps"] == table["steps"][table["steps"] >= steps].min()
     one, other = (table[METRIC][rows & (table["variant"] == kind)] for kind in KINDS)
-    # ddof=1 divides by n - 1, because the mean comes from the same few results
-    error = np.sqrt(one.var(ddof=1) / len(one) + other.var(ddof=1) / len(other))
-    return one.mean() - other.mean(), {6: 2.6, 3: 4.3}[len(one)] * error
+    ahead = one - other  # a difference for each seed
+    # ddof=1 divides by n - 1, because the mean comes from the same few differences
+    error = ahead.std(ddof=1) / np.sqrt(len(ahead))
+    return ahead.mean(), {3: 4.3, 6: 2.6}[len(ahead)] * error
 
 # %%
 gaps = {"Manhattan, 300,000 steps": gap(manhattan, 300_000),
@@ -171,39 +172,11 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
 # After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
-# **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which
-# kind is **better in the end**. We chose the 300,000 steps after seeing the curves, so the first
-# gap is less certain than it looks.
-
-# %%
-from uavdh_lite.course.quiz import Quiz
-
-Quiz("three_seeds")
-
-# %% [markdown]
-# After 300,000 steps every run of one kind was above every run of the other. Look only at the ranks
-# of the six runs. If the methods were equally good, each of the 20 ways to give three of the six
-# ranks to one of them would be equally likely, and in two of the 20, or 10 %, one method has the
-# three best ranks. This share is called a **p-value**, and going through all ways to deal out the
-# results is a **permutation test**. With three runs of each kind it can never fall below 10 %.
-#
-# A difference with a p-value below 5 % is often called **statistically significant**. That does not
-# make it large, and one that is not significant has not been shown to be 0. Nor is the p-value the
-# probability that the methods are equally good.
-#
-# In the village only 10 of the 924 ways give so large a gap, a p-value of 1 %. Yet the interval
-# contained 0. We made it too wide on purpose (2.2 standard errors would just have missed 0), and
-# the failed run of seed 2 makes $s$ large, whereas a permutation test assumes no normal
-# distribution. So there is probably a lead, but we hardly know its size. Over Manhattan it is the
-# reverse: the interval is far from 0, with $p$ at 10 %, so all rests on the normal distribution.
-#
-# If five parts of a recipe are taken away, each on its own, and none of them matters, at least one
-# of the five comparisons with the full recipe comes out below 5 % nearly one time in five. So name
-# the main comparison beforehand, or ask for 5 % divided by the number of comparisons
-# (**Bonferroni**), or repeat the surprising one with new seeds.
-#
-# And plan enough runs: to find a gap as large as $s$ at the 5 % level in four studies out of five,
-# you need about 17 runs of each kind.
+# **sooner**. (We chose the 300,000 after seeing the curves, so this gap is less certain than it
+# looks.) At the end of the long runs the interval contains 0, so these runs do not say which kind
+# is **better in the end**. In the village the bar just reaches 0, although there are six pairs: the
+# leads differ too much, from 1 to 46 points. For your project you need just this: three or six
+# differences, and 4.3 or 2.6 standard errors to either side of their mean.
 #
 # ### Baselines
 #
@@ -224,14 +197,14 @@ for name, values in share.items():
 # These intervals are over missions, not runs. They come from the **bootstrap**, which draws 1000
 # results from these 1000 *with replacement* (some come twice, some not at all) and takes the mean.
 # It repeats this many times, and records how much the mean varies. For a share $p$ of yes-or-no
-# results, such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % in 1000 missions means 97 ± 1.1 %. The gap
-# of 1 point to 96 % in 1000 *other* missions would be known only to ± 1.6 points.
+# results, such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % in 1000 missions means 97 ± 1.1 %.
 #
 # ### Paired differences
 #
 # Do the agent and greedy differ at all? What counts is the interval of the difference. One can
-# combine the errors of both, as above, or subtract mission by mission, because both flew the *same*
-# missions: a hard mission is hard for both, so much of the missions' luck cancels.
+# combine the errors of both as if they had flown different missions, $\sqrt{s_1^2/n+s_2^2/n}$, or
+# subtract mission by mission, because both flew the *same* ones: a hard mission is hard for both,
+# so much of the missions' luck cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
@@ -253,9 +226,40 @@ assert high < 0 and high - low < 1.5 * apart
 # narrower still, here by about as much as twice the number of missions would.
 
 # %%
+from uavdh_lite.course.quiz import Quiz
+
 Quiz("more_missions")
 
 # %% [markdown]
+# ## Before you believe a surprise
+#
+# **Could luck alone have done it?** After 300,000 steps every run of one kind was above every run
+# of the other.
+
+# %%
+Quiz("three_seeds")
+
+# %% [markdown]
+# Look only at the ranks of the six runs. If the methods were equally good, each of the 20 ways to
+# give three of the six ranks to one of them would be equally likely, and in two of the 20, or 10 %,
+# one method has the three best ranks. This share is called a **p-value**, and going through all
+# ways to deal out the results is a **permutation test**. With three runs of each kind it can never
+# fall below 10 %. In the village, with six, only 10 of the 924 ways give so large a gap, which is
+# 1 %: there probably is a lead, although its interval is wide.
+#
+# A difference with a p-value below 5 % is often called **statistically significant**. That does not
+# make it large, and one that is not significant has not been shown to be 0. Nor is the p-value the
+# probability that the methods are equally good.
+#
+# **How many things did you compare?** If five parts of a recipe are taken away, each on its own,
+# and none of them matters, at least one of the five comparisons with the full recipe comes out
+# below 5 % nearly one time in five. So name the main comparison beforehand, or ask for 5 % divided
+# by the number of comparisons (**Bonferroni**), or repeat the surprising one with new seeds.
+#
+# **Were there enough runs?** To find a gap as large as the standard deviation of the runs at the
+# 5 % level in four studies out of five, you need about 17 runs of each kind. With three, only a far
+# larger gap can show.
+#
 # ## 8.5 What has it learned?
 #
 # An ablation changes the agent. One can also change the *world* and see whether what was learned
