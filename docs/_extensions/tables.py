@@ -69,7 +69,7 @@ LADDER = {
 }
 KNOWLEDGE = {
     "map": "map",
-    "mean_rates": "mean rates",
+    "mean_rates": "rates without fading",
     "failsafe": "failsafe",
     "moves": "a planner's moves",
     "reward": "reward",
