@@ -356,6 +356,11 @@ def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
         "This flight: blue's agent after.* Over 100 missions.*↶ brings your mission", re.S
     )
     expect(page.locator(".flies")).to_contain_text(flies)
+    page.set_viewport_size({"width": 1366, "height": 850})
+    assert visible(page, ".flies")
+    for one, other in (("run-0", "run-1"), ("run-1", "run-0")):  # none races itself
+        chosen = page.locator(f"[data-set='{one}']").input_value()
+        expect(page.locator(f"[data-set='{other}'] option[value='{chosen}']")).to_have_count(0)
     title = page.locator("[data-set='run-1'] option").last.inner_text()
     page.locator("[data-set='run-1']").select_option(label=title)
     expect(page.locator(".orange .dot title").first).to_contain_text(title)
@@ -382,10 +387,13 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
         ],
     )
     page.mouse.move(*place(page, row, col))
+    expect(page.locator(".tool p").first).to_contain_text("Low buildings cast one, too")
     full = page.locator(".bar > :last-child").first.inner_text().split()[-1]
     expect(page.locator(".here")).to_contain_text(f"device 0, {full} units left")  # none is flown
     page.mouse.move(*place(page, 6, 4))
     expect(page.locator(".map .shadow.live")).to_have_attribute("d", re.compile("M3.5 2.5"))
+    page.mouse.click(*place(page, row, col))
+    expect(page.locator(".refusal")).to_contain_text("Not painted: device 0 is there.")
 
 
 def test_a_real_place_is_chosen_and_flown_by_its_table(page):
@@ -447,11 +455,63 @@ def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):
     choose(page, "layer", "none")
 
 
+def test_a_reload_loses_nothing_however_soon_it_comes(browser, address):
+    with visiting(browser, address) as page:
+        slider, output = page.get_by_role("slider", name="step"), page.locator(".controls output")
+        caption = page.locator(".caption")
+
+        def reloaded(shown):
+            page.reload()
+            expect(output).to_have_text(re.compile(rf"^{shown} of "))
+
+        caption.wait_for()
+        for _ in range(3):
+            press(page, "one step forward")
+        expect(output).to_have_text(re.compile("^3 of"))
+        reloaded(3)
+        expect(caption).to_be_visible()
+        press(page, "Skip the story")
+        last = shown_step(page)
+        reloaded(last)
+        expect(caption).to_be_hidden()
+        expect(page.locator(".undo")).to_be_disabled()  # there is nothing before
+        for _ in range(3):
+            slider.press("ArrowLeft")
+        reloaded(last - 3)
+        slider.fill("0")
+        press(page, "Play")
+        expect(output).to_have_text(re.compile("^([4-9]|1.) of"))
+        played = shown_step(page) - 1  # the slider rounds
+        page.reload()
+        expect(output).not_to_have_text(re.compile(f"^(0|{last}) of"))
+        page.wait_for_timeout(300)
+        assert played <= shown_step(page) < last
+        open_tool(page, "Fly")
+        for _ in range(3):
+            page.keyboard.press("ArrowDown")
+        reloaded(3)
+        choose(page, "city", "empty 8 × 8")
+        open_tool(page, "Paint")
+        page.get_by_role("button", name="tall building").click()
+        page.mouse.move(*place(page, 4, 3))
+        page.mouse.down()
+        page.mouse.move(*place(page, 4, 6), steps=9)
+        page.mouse.up()
+        page.reload()
+        expect(page.locator("[data-set='city']")).to_have_value("my_city")
+        expect(page.locator(".map .kind-B").first).to_have_attribute(
+            "d", re.compile("M2.5 3.5.*M5.5 3.5")
+        )
+
+
 def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, address, tmp_path):
     permissions = ["clipboard-read", "clipboard-write"]
     with visiting(browser, address, permissions=permissions) as page:
         label = page.locator(".map g[data-device='0']").first
         slider = page.get_by_role("slider", name="step")
+
+        def points():
+            return page.locator(".dot.on title").all_text_contents()
 
         def opened_by_link(step):
             press(page, "Link")
@@ -464,6 +524,8 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
                 expect(other.get_by_role("slider", name="step")).to_have_value(str(step))
                 there = other.locator(".map g[data-device='0']").first
                 expect(there).to_have_attribute("aria-label", label.get_attribute("aria-label"))
+                expect(other.locator(".undo")).to_be_disabled()  # there is nothing before
+                expect(other.locator(".dot.on title")).to_have_text(points())
                 return other.locator("[aria-selected=true]").inner_text()
 
         press(page, "Skip the story")
@@ -474,8 +536,12 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
         press(page, "Closest call")
         step = shown_step(page)
         assert step < last and opened_by_link(step) == "Think"
+        choose(page, "layer", "buildings")
+        page.get_by_label("centred").check()
         page.reload()
         expect(slider).to_have_value(str(step))
+        expect(page.locator("[data-set='layer']")).to_have_value("buildings")
+        expect(page.get_by_label("centred")).to_be_checked()
         slider.press("ArrowLeft")
         press(page, "More")
         with page.expect_download() as saved:
@@ -485,6 +551,21 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
         page.get_by_label("Open").set_input_files(tmp_path / "stage.json")
         page.locator(".main[data-shows='think']").wait_for()
         expect(slider).to_have_value(str(step - 1))
+        open_tool(page, "Watch")
+        choose(page, "metric", "collected_and_landed")
+        choose(page, "run-1", "3")
+        page.locator(".orange .dot").nth(4).dispatch_event("click")
+        page.locator(".orange .dot.on").wait_for()
+        (shown,) = points()
+        assert opened_by_link(shown_step(page)) == "Watch"
+        page.reload()
+        expect(page.locator(".orange .dot.on title")).to_have_text(shown)
+        press(page, "New")
+        expect(page.locator(".dot.on")).to_have_count(0)
+        page.wait_for_timeout(600)  # the address follows
+        page.go_back()
+        expect(page.locator(".orange .dot.on title")).to_have_text(shown)
+        expect(page.locator("[data-set='metric']")).to_have_value("collected_and_landed")
         page.evaluate("() => { navigator.clipboard.write = () => Promise.reject(); }")
         press(page, "Link")
         expect(page.locator(".refusal")).to_contain_text("Not copied")

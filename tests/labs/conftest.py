@@ -27,7 +27,7 @@ def modules(browser):
 @pytest.fixture(scope="module")
 def shared(modules):
     """A session with the DDQN agent of manhattan, as `lab` in the browser."""
-    told = json.dumps({**data(DDQN, False), "tool": None, "mission": None})
+    told = json.dumps({**data(DDQN, True), "tool": None, "mission": None})
     modules(f"() => {{ window.lab = new session_js.Session({told}, () => {{}}); lab.render(); }}")
 
 

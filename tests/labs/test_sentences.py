@@ -8,7 +8,7 @@ import pytest
 
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment
-from uavdh_lite.labs.page import data
+from uavdh_lite.labs.page import recorded_races
 from uavdh_lite.missions import HandFlight, Mission
 from uavdh_lite.scenario import find_scenario
 
@@ -73,6 +73,7 @@ def test_steps_without_data_are_counted_and_the_long_stretches_that_lead_nowhere
 RESULT = {"landed": True, "ended": True, "steps": 10, "collected": 5.0, "return": 3.0}
 VERDICTS = [
     ({}, {"return": 3.2}, "Nearly level."),
+    ({"landed": False}, {"landed": False}, "Both crash: all that was collected is lost."),
     ({"ended": False}, {}, "One flight is still in the air."),
     ({"steps": 0, "ended": False}, {}, "One flight has not begun: fly it in the tool Fly."),
     ({"return": 9}, {"landed": False, "return": -150},
@@ -220,9 +221,8 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
             assert next(likes[each] for each in likes if f" {each} " in compared) > 0.001
             assert "much" not in compared or brings == pytest.approx(instead, abs=0.101)
         assert bool(compared) or not ("close call" in text or "in this step" in text)
-        assert ("the network values what follows it less" in compared) == (
-            bool(compared) and "not" not in compared
-        )
+        expects_less = f"the network expects less from the steps after {panel['actions'][other]}."
+        assert text.endswith(expects_less) == (bool(compared) and "not" not in compared)
         found = re.search(
             r"device (\d).* gives ([\d.]+) .*?units (in this|within (\d+)) step", text
         )
@@ -255,8 +255,9 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
     assert modules(said, [calls, "both"]) == [None, told, None]
     waits = flown(0, 0, 1, 2, left=[9, 9, 9, 0]) | {"values": [[5, 1]] * 3, "states": [0, 0, 0]}
     gives = {"kind": "gives", "device": 0, "amount": 9, "all": 9, "waits": False, "back": False}
+    stays = {"kind": "stays", "until": 0, "amount": 0, "rest": 9}
     assert modules(said, [waits, "reason"]) == [
-        None,  # hovering does not bring what comes from flying on
+        stays,  # hovering does not bring what comes from flying on
         gives | {"within": 2},
         gives | {"within": 1},
     ]
@@ -300,9 +301,9 @@ def run_of(*shares):
     }
 
 
-def told(modules, *runs):
-    script = "(runs) => race_js.raceFacts(runs, 100).map(words_js.sentence)"
-    return [each.replace("\N{NO-BREAK SPACE}", " ") for each in modules(script, list(runs))]
+def told(modules, *runs, metric="landed"):
+    script = "([runs, metric]) => race_js.raceFacts(runs, 100, metric).map(words_js.sentence)"
+    return [each.replace("\N{NO-BREAK SPACE}", " ") for each in modules(script, [runs, metric])]
 
 
 def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
@@ -326,6 +327,8 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
     end = f"Blue wins: blue {brings.format(92)}; orange {brings.format(0)}."
     assert told(modules, blue, orange) == [first, forgot, fall, never, falls, end]
     assert told(modules, orange, blue)[-1].startswith("Orange wins")
+    seen = told(modules, blue, metric="collected_and_landed")[2]
+    assert seen == fall.replace(" (choose “collected and landed” to see it)", "")
     assert told(modules, run_of(1, 0.5))[0] == "Blue lands from the start."
     assert told(modules, blue, blue)[-1].startswith("In the end: blue lands in 92")
     better = run_of(0, 0.9, 1)
@@ -335,13 +338,11 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
 
 
 def test_the_mission_of_a_race_is_typical_and_it_is_told_what_the_point_brought(modules, tell):
-    races = data(None, True)["races"]
-    modules("(told) => { lab.data.races = told; lab.races = told.settings; }", races)
-    modules("() => lab.tools.push('watch')")
+    races = recorded_races()
     tell("city", name="manhattan")
     tell("tool", tool="watch")
     for k, setting in enumerate(races["settings"]):
-        tell("race", runs=[k])
+        tell("see", name="runs", value=[k])
         far = []
         for number, point in enumerate(setting["points"]):
             scene = tell("race", point=[0, number])
@@ -356,4 +357,4 @@ def test_the_mission_of_a_race_is_typical_and_it_is_told_what_the_point_brought(
             assert scene["panel"]["left"]  # undo brings the reader's mission back
         assert np.mean(far) < 0.1 and max(far) < 0.3
     assert tell("undo", by=-1)["state"]["city"] == "manhattan"
-    assert not tell("race", runs=[0])["panel"].get("left")
+    assert not tell("see", name="runs", value=[0])["panel"].get("left")

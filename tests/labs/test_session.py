@@ -43,7 +43,6 @@ RANDOM = """async ([seed, count]) => {
         file: () => new File([pick(["", "{}", "[", "null"])], pick(["a.json", "a.safetensors"])),
         name: () => pick(names),
         point: () => [whole(0, 1), whole(0, 1)],
-        runs: () => [whole(-1, 9), 0],
         sign: () => pick([..."LN.BbT"]),
         step: () => whole(-1, 40),
         tool: () => pick(["fly", "compare", "think", "channel", "paint", "watch"]),
@@ -54,14 +53,16 @@ RANDOM = """async ([seed, count]) => {
     };
     const odd = [undefined, null, NaN, -1, 1.5, Infinity, "", "x", "7", "__proto__", "constructor",
         true, [], [[]], [0], [1.5, 2], [99, 99], ["0", "1"], [null, null], {}];
+    const looks = { layer: "value", centred: true, runs: [whole(0, 4), whole(0, 4)] };
     const kinds = ["add", "again", "cancel", "city", "data", "fly", "look", "many", "move", "new",
-        "open", "paint", "policy", "race", "remove", "save", "shadow", "show", "time", "tool",
-        "undo", "values", "duel", "toString", "constructor", undefined, ""];
+        "open", "paint", "policy", "race", "remove", "save", "see", "shadow", "show", "time",
+        "tool", "undo", "values", "duel", "toString", "constructor", undefined, ""];
     const answers = { works: 0, refused: [], changed: [] };
     for (let k = 0; k < count; k += 1) {
         const told = { kind: pick(kinds) };
         for (const [name, value] of Object.entries(usual))
             if (random() < 0.9) told[name] = random() < 0.1 ? pick(odd) : value();
+        if (told.kind === "see") [told.name, told.value] = pick(Object.entries(looks));
         const before = lab.stage;
         let scene = null;
         lab.post = (answer) => { scene = answer.scene ?? scene; };
@@ -115,8 +116,10 @@ def test_undo_brings_a_mission_back_and_redo_takes_it_again(tell):
     after = mission_of(tell("new"))
     assert before != after
     tell("tool", tool="think")
+    tell("see", name="layer", value="buildings")
     undone = tell("undo", by=-1)
     assert mission_of(undone) == before and undone["state"]["tool"] == "think"
+    assert undone["state"]["looks"]["layer"] == "buildings"
     assert mission_of(tell("undo", by=1)) == after
     tell("undo", by=1, refused="nothing more to redo")
 
@@ -179,9 +182,13 @@ def test_painting_moves_what_stands_there_to_the_nearest_cell(tell):
     painted = tell("paint", cells=[[row, col]], sign="B")
     there = painted["state"]["devices"][0]["cell"]
     assert abs(there[0] - row) + abs(there[1] - col) == 1
+    moved = "What stood there has moved: {} to row {}, column {}."
+    assert painted["note"] == moved.format("device 0", *there) and scene["note"] == ""
     start = painted["state"]["start"]
-    walls = tell("paint", cells=[start], sign="N")["state"]["start"]
-    assert walls != start and max(walls) <= 1  # another landing cell
+    walls = tell("paint", cells=[start], sign="N")
+    other = walls["state"]["start"]
+    assert other != start and max(other) <= 1  # another landing cell
+    assert walls["note"] == moved.format("the start", *other)
 
 
 def test_what_is_wrong_with_a_mission_is_said(tell):
@@ -311,13 +318,26 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
     tell("policy", which=0, name="random")
     tell("policy", which=1, name="you")
     tell("tool", tool="channel")
+    looks = {"layer": "value", "centred": True, "metric": "collected_and_landed", "runs": [3, 1]}
+    for name, value in looks.items():
+        tell("see", name=name, value=value)
     kept = tell("show", step=1)["state"]
+    assert kept["looks"] == looks
     stage, mission = json.loads(saved("stage")), json.loads(saved("mission"))
     assert as_json(mission_from_json(mission)) == mission == stage["mission"]
     drawn = Mission.draw(find_scenario("village"), load_city("village"), 1)
     assert as_json(drawn) == mission
     tell("city", name="manhattan")
     assert opened("a.json", stage)["state"] == kept | {"undo": True, "redo": False}
+    tell("tool", tool="watch")
+    flies = tell("race", point=[0, 2])
+    with_point = json.loads(saved("stage"))
+    tell("see", name="runs", value=[0])
+    back = opened("a.json", with_point)
+    assert back["state"]["point"] == [0, 2] and back["film"] == flies["film"]
+    assert opened("a.json", stage)["state"]["point"] is None
+    older = {name: stage[name] for name in stage if name not in ("looks", "point")}
+    assert opened("a.json", older)["state"]["looks"]["runs"] == [0, 1]
     fresh = opened("mission.json", mission)["state"]
     assert fresh["policies"] == ["random", "greedy"] and fresh["flown"] == ""
 
@@ -325,7 +345,8 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
 def test_of_several_files_the_first_is_opened_and_this_is_said(tell, opened, saved):
     mission = saved("mission")
     tell("city", name="manhattan")
-    scene = opened("a.json", mission, "only a.json was opened: open one file at a time", others=1)
+    scene = opened("a.json", mission, others=1)
+    assert scene["note"] == "Only a.json was opened: open one file at a time."
     assert scene["state"]["city"] == "village"
 
 
@@ -353,6 +374,13 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
         ("version", 2, "neither a saved page"),
         ("tool", 7, "choose one of"),
         ("policies", ["greedy"], "give two names"),
+        ("policies", ["greedy", 1], "give two names"),
+        ("looks", 5, "looks: must be an object"),
+        ("looks", {"layer": "x"}, 'looks.layer "x": cannot be chosen here'),
+        ("looks", {"runs": [1, 1]}, "looks.runs [1,1]"),
+        ("looks", {"runs": [0, 99]}, "looks.runs [0,99]"),
+        ("point", [0, 99], "point [0,99]: no such agent"),
+        ("point", ["0", "1"], 'point ["0","1"]: no such agent'),
         ("flown", "nx", "other letters"),
         ("flown", 5, "other letters"),
         ("step", 1.5, "must be a whole number"),
@@ -360,10 +388,26 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
         ("device", 5, "must be a whole number from 0"),
         ("device", True, "must be a whole number"),
         ("mission", None, "the file"),
+        ("mission", {"devices": []}, "devices: must be a list of 1 or more"),
+        ("mission", {"devices": [{"cell": [7, 7], "data": 1}] * 3}, "this scenario takes 1 to 2;"),
     ],
 )
 def test_a_file_with_a_wrong_entry_is_refused(opened, saved, entry, value, said):
-    opened("a.json", json.loads(saved("stage")) | {entry: value}, refused=said)
+    stage = json.loads(saved("stage"))
+    value = stage[entry] | value if entry == "mission" and value else value
+    opened("a.json", stage | {entry: value}, refused=said)
+
+
+def test_a_rival_that_is_not_there_is_named_and_a_point_flies_over_its_city_alone(
+    tell, opened, saved
+):
+    stage = json.loads(saved("stage"))
+    scene = opened("a.json", stage | {"policies": ["foo", "random"]})
+    said = "“foo” cannot fly over village on this page, so random and greedy do."
+    assert scene["note"] == said and scene["state"]["policies"] == ["random", "greedy"]
+    tell("city", name="manhattan")
+    elsewhere = json.loads(saved("stage")) | {"tool": "watch", "point": [0, 0]}
+    opened("a.json", elsewhere, refused="point [0,0]: no such agent flies here")
 
 
 def test_what_is_no_file_of_the_labs_is_refused(opened):

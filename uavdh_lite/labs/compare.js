@@ -54,6 +54,7 @@ export function parting(first, second, size) {
 export function verdict(who, results) {
   if (results.some(({ steps }) => steps === 0)) return { kind: "empty" };
   if (!results.every(({ ended }) => ended)) return { kind: "air" };
+  if (!results.some(({ landed }) => landed)) return { kind: "crashes" };
   const difference = results[0].return - results[1].return;
   if (Math.abs(difference) < LEVEL) return { kind: "level" };
   const ahead = difference > 0 ? 0 : 1;
@@ -156,5 +157,6 @@ function towards(flight, step) {
 export function isDuel(wanted, [first, second], part) {
   const ahead = first.return - second.return;
   const gained = first.collected - second.collected;
+  if (!first.landed && !second.landed) return false;
   return wanted ? wanted * ahead > AHEAD && wanted * gained > -LITTLE : Math.abs(ahead) < LEVEL && part !== null;
 }

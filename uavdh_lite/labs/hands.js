@@ -1,7 +1,7 @@
 // What hands do on the stage: pointers, keys, files that are dropped.
 
 import { SQUARE } from "../player.js";
-import { ARROWS, TOOLS, WAYS, brush, looks } from "./tools.js";
+import { ARROWS, TOOLS, WAYS, brush } from "./tools.js";
 
 /** Listens to all that is done on a stage. */
 export function attend(stage) {
@@ -57,6 +57,7 @@ export function attend(stage) {
     if (!cell || String(cell) === String(drag.at)) return;
     const before = drag.at;
     stage.hovered = drag.at = cell;
+    drag.moves = true;
     if (brush.cells) strokeTo(cell, before);
     else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
   };
@@ -67,10 +68,14 @@ export function attend(stage) {
   const release = (event) => {
     if (drag && event.type === "pointerup") move(event); // where it is let go is where it stays
     if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
+    else if (drag && !drag.moves && stage.scene.state.tool === "paint") stands(drag.thing);
     [drag, brush.cells] = [null, null];
   };
   main.addEventListener("pointerup", release);
   main.addEventListener("pointercancel", release);
+
+  const stands = (thing) =>
+    stage.refuse(`Not painted: ${thing < 0 ? "the start" : `device ${thing}`} is there. Move it away, or paint over it from beside.`);
 
   function add(cell) {
     el.classList.remove("adding");
@@ -137,18 +142,16 @@ export function attend(stage) {
   el.addEventListener("change", ({ target }) => {
     const { set, field } = target.dataset;
     const { value } = target;
+    const { looks } = stage.scene.state;
     if (stage.scene.state.tool === "fly" && set) find("#panel").focus({ preventScroll: true }); // keys steer again
     if (set === "city") ask({ kind: "city", name: value });
     else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
     else if (set?.startsWith("run-")) {
-      const runs = [...stage.scene.panel.chosen];
+      const runs = [...looks.runs];
       runs[Number(set.at(-1))] = value === "" ? null : Number(value);
-      ask({ kind: "race", runs: runs.filter((run) => run !== null) });
+      ask({ kind: "see", name: "runs", value: runs.filter((run) => run !== null) });
     } else if (set === "link") stage.openLink(value);
-    else if (set in looks) {
-      looks[set] = target.type === "checkbox" ? target.checked : value;
-      stage.paint();
-    }
+    else if (set in looks) ask({ kind: "see", name: set, value: target.type === "checkbox" ? target.checked : value });
     if (field) changeField(field, target);
     if (target.files?.length) {
       open(target.files);
@@ -245,9 +248,8 @@ export function attend(stage) {
     const thing = thingAt([row, col]);
     const { tool: name } = stage.scene.state;
     if (name === "channel" && thing >= 0 && thing !== null) return () => ask({ kind: "look", device: thing });
-    return name === "paint" && thing === null
-      ? () => ask({ kind: "paint", cells: [[row, col]], sign: brush.sign })
-      : null;
+    if (name !== "paint") return null;
+    return () => (thing === null ? ask({ kind: "paint", cells: [[row, col]], sign: brush.sign }) : stands(thing));
   }
 
   // First of all, and whatever has the focus on a page of our own

@@ -16,8 +16,9 @@ export const pointFact = ({ steps, landed, collected_and_landed: home }, episode
 /**
  * What the kinks mean, and how the runs ended: facts.
  * @param {{points: {steps: number, landed: number, collected_and_landed: number}[]}[]} runs one or two
+ * @param {string} metric that the curves show
  */
-export function raceFacts(runs, episodes) {
+export function raceFacts(runs, episodes, metric) {
   const facts = [];
   runs.forEach((run, k) => {
     const kink = kinkOf(run);
@@ -31,7 +32,7 @@ export function raceFacts(runs, episodes) {
     }
     const falls = points.slice(1).map((to, before) => ({ from: points[before], to, by: points[before].home - to.home }));
     const most = falls.reduce((one, other) => (other.by > one.by ? other : one));
-    if (most.by >= FALL) facts.push({ kind: "falls", ...about, ...most });
+    if (most.by >= FALL) facts.push({ kind: "falls", ...about, ...most, hidden: metric === "landed" });
   });
   const ends = runs.map(({ points }) => pointFact(points.at(-1), episodes));
   const [first, second] = ends.map(({ home }) => home);

@@ -6,14 +6,13 @@ import { isDuel, parting, reasons, verdict } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, readAgent, valueMap } from "./pilots.js";
 import { kinkOf, pointFact, raceFacts } from "./race.js";
-import { CHANGES, TOOLS, YOU, cityOfPicture, linkOf, newStage, overCity, pictureOf, randomMission, readFile, stageAsJson,
+import { CHANGES, LOOKS, TOOLS, YOU, cityOfPicture, newStage, overCity, pictureOf, pointOf, randomMission, readFile, stageAsJson,
   textOfLink, withMission } from "./state.js";
 import { choices, closestCall } from "./think.js";
 import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, require, wilsonInterval } from "./world.js";
 import { LONGEST, RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
-const LINKED = 200; // ms without a change after which the address follows
 const KEPT = 200; // changes and moves that can be undone
 const RANKED = 6; // flights of the ranking
 const MISSIONS = 100;
@@ -23,7 +22,7 @@ const STORY = 358; // the mission that the page begins with, chosen because it s
 const RACED = 13; // the mission of Watch, chosen because there each agent brings about what it brings on average
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
-const BESIDE = ["show", "values", "shadow", "look", "copy"]; // what does not end what takes long
+const BESIDE = ["show", "values", "shadow", "look", "see"]; // what does not end what takes long
 const STOPPED = new InputError("stopped");
 
 const isCell = (value) => Array.isArray(value) && value.length === 2 && value.every(Number.isInteger);
@@ -35,7 +34,6 @@ const isOf = (...values) => (value) => values.includes(value);
 const MESSAGES = {
   again: {},
   cancel: {},
-  copy: {},
   many: {},
   new: {},
   add: { cell: isCell },
@@ -48,12 +46,10 @@ const MESSAGES = {
   open: { file: (file, session, { link }) => file instanceof File || (typeof link === "string" && link !== "") },
   paint: { cells: (cells, session) => Array.isArray(cells) && cells.every((cell) => isInside(cell, session)), sign: isOf(...SIGNS) },
   policy: { which: isOf(0, 1), name: (name, { stage, known }) => [...known(stage.mission.city), YOU].includes(name) },
-  race: {
-    runs: (runs = []) => Array.isArray(runs),
-    point: (point, { races, race }) => point === undefined || (isCell(point) && races[race.runs[point[0]]]?.points[point[1]]),
-  },
+  race: { point: (point, { stage, shelf }) => pointOf(stage.looks, point, shelf) },
   remove: { device: isDevice },
   save: { what: isOf("stage", "mission", "png") },
+  see: { name: (name) => Object.hasOwn(LOOKS, name), value: (value, { shelf }, { name }) => LOOKS[name](value, shelf) },
   shadow: { cell: isInside },
   show: { step: (step) => Number.isInteger(step) && step >= -1 },
   time: { value: Number.isFinite },
@@ -91,7 +87,7 @@ export class Session {
    * @param {(told: object) => void} post takes what the page is told
    */
   constructor(data, post) {
-    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, ranking: [] });
+    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, ranking: [], notes: [] });
     const [cities, scenarios] = [{}, {}];
     for (const { name, rows, scenario } of data.cities) {
       cities[name] = City.fromText(name, rows.join("\n"));
@@ -102,12 +98,12 @@ export class Session {
       cities[`empty ${size} × ${size}`] = City.fromText(`empty ${size} × ${size}`, rows.join("\n"));
     }
     this.places = data.cities.filter(({ gain }) => gain);
-    this.shelf = { cities, scenarios, known: this.known };
+    const races = data.races?.settings ?? [];
+    const tools = TOOLS.filter((tool) => tool !== "watch" || races.length);
+    this.shelf = { cities, scenarios, known: this.known, races, tools, village: cities[data.races?.city] };
     this.agents = {};
     for (const each of data.agents) this.agents[each.name] = shelved(each, cities[each.city] ?? null);
-    this.races = data.races?.settings ?? [];
-    this.race = { runs: this.races.slice(0, 2).map((_, k) => k), point: null };
-    this.tools = data.tool ? [data.tool] : TOOLS.filter((tool) => tool !== "watch" || this.races.length);
+    this.tools = data.tool ? [data.tool] : tools;
     const first = data.mission
       ? readFile(JSON.stringify(data.mission), this.shelf)
       : newStage(randomMission(Object.values(cities)[0], STORY, this.shelf), this.shelf);
@@ -152,7 +148,7 @@ export class Session {
 
   /** Shows what the stage looks like now, in answer to what was told. */
   render({ kind, quiet, number } = {}, refused = "") {
-    const { stage, hangar, race, extra, history, at } = this;
+    const { stage, hangar, extra, history, at } = this;
     const flights = this.flights();
     const film = filmOf(hangar, flights, this.data.colours);
     const text = JSON.stringify(film);
@@ -160,31 +156,21 @@ export class Session {
     const scene = {
       tools: this.tools,
       state: this.summary(),
+      stage: stageAsJson(stage),
       film,
       version: this.version,
       panel: { ...this.panel(flights), ...this.extra },
       place: hangar.place && sentence({ kind: "place", ...hangar.place }),
       warnings: warnings(hangar.environment, stage.mission).map(sentence),
       refused,
+      note: this.notes.splice(0).map(sentence).join(" "),
       number,
       quiet: quiet || BESIDE.includes(kind), // no action of the reader
       fresh: !this.data.mission && !this.data.tool,
       working: Boolean(this.work),
     };
-    this.drawn = { stage, hangar, race, extra, history, at };
+    this.drawn = { stage, hangar, extra, history, at };
     this.post({ kind: "scene", scene });
-    clearTimeout(this.linking);
-    this.linking = setTimeout(() => this.link(), LINKED);
-  }
-
-  /** Tells the page its address, and whether that is another place, to which one can go back. */
-  async link() {
-    const [{ stage }, before] = [this, this.linked];
-    const link = await linkOf(stage);
-    if (stage !== this.stage) return;
-    this.linked = stage;
-    const moved = Boolean(before) && (before.mission !== stage.mission || before.tool !== stage.tool);
-    this.post({ kind: "link", link, moved });
   }
 
   summary() {
@@ -209,11 +195,6 @@ export class Session {
     };
   }
 
-  /** The city of the recorded trainings. */
-  get village() {
-    return this.shelf.cities[this.data.races.city];
-  }
-
   get ghost() {
     return this.stage.policies[1] === YOU ? "greedy" : this.stage.policies[1];
   }
@@ -226,23 +207,15 @@ export class Session {
 
   /** The flights that are drawn, with their titles; the ghost is the second one. */
   flights() {
-    const { stage, hangar, race } = this;
-    const { tool, policies, flown } = stage;
-    if (tool === "watch" && race.point) {
-      const steps = this.races[race.runs[race.point[0]]].points[race.point[1]].steps;
-      const title = `${RUNS[race.point[0]]}'s agent after ${grouped(steps)} steps`;
-      return [[title, this.recorded(...race.point)]];
+    const { stage, hangar, shelf } = this;
+    const { tool, policies, flown, looks, point } = stage;
+    if (tool === "watch" && point) {
+      const { steps, base64 } = pointOf(looks, point, shelf);
+      this.agents[base64] ??= shelved({ base64 }, null); // without a size, it knows no city
+      return [[`${RUNS[point[0]]}'s agent after ${grouped(steps)} steps`, hangar.flight(base64)]];
     }
     const names = { fly: [YOU, this.ghost], compare: policies, think: [this.thinker ?? policies[0]] }[tool] ?? [policies[0]];
     return names.map((name) => [whoIs(name, this.agents).title, hangar.flight(name, flown)]);
-  }
-
-  /** The flight of the agent of a point of a race. */
-  recorded(run, point) {
-    const { base64 } = this.races[this.race.runs[run]].points[point];
-    const key = `${this.race.runs[run]} ${point}`;
-    this.agents[key] ??= shelved({ base64 }, null); // without a size, it knows no city
-    return this.hangar.flight(key);
   }
 
   /** What the tool shows next to the map. */
@@ -291,18 +264,17 @@ export class Session {
       return { device, ...ledger(this.hangar.environment, mission.devices[device]) };
     },
     watch() {
-      const { race } = this;
-      const runs = race.runs.map((k) => this.races[k]);
+      const { stage: { looks, point, mission }, shelf: { races, village }, data: { races: { episodes } } } = this;
+      const before = this.history[this.next(-1)]?.mission.city ?? village;
+      const runs = looks.runs.map((k) => races[k]);
       const bare = ({ points, ...run }) => ({ ...run, kink: kinkOf({ points }), points: points.map(({ base64, ...each }) => each) });
       return {
-        settings: this.races.map(({ title, text }) => [title, text]),
-        chosen: race.runs,
-        point: race.point,
-        mean: race.point && sentence(pointFact(runs[race.point[0]].points[race.point[1]], this.data.races.episodes)),
-        left: race.left,
-        elsewhere: this.village.sameAs(this.stage.mission.city) ? "" : this.village.name,
+        settings: races.map(({ title, text }) => [title, text]),
+        mean: point && sentence(pointFact(pointOf(looks, point, this.shelf), episodes)),
+        left: point && !village.sameAs(before),
+        elsewhere: village.sameAs(mission.city) ? "" : village.name,
         runs: runs.map(bare),
-        says: runs.length ? raceFacts(runs, this.data.races.episodes).map(sentence) : [],
+        says: raceFacts(runs, episodes, looks.metric).map(sentence),
       };
     },
   };
@@ -315,7 +287,7 @@ export class Session {
     if (stage.mission !== mission || stage.flown !== flown) {
       const soon = this.last[0] === kind && performance.now() - this.last[1] < TOGETHER;
       const at = this.at + (soon && ["move", "data", "time"].includes(kind) ? 0 : 1);
-      const before = stage.mission === mission ? [] : [...stage.flown]; // the moves of a flight that was opened
+      const before = kind === "open" ? [...stage.flown] : []; // the moves of a flight that was opened
       const moves = before.map((_, k) => ({ ...stage, flown: stage.flown.slice(0, k) }));
       this.history = [...this.history.slice(0, at), ...moves, stage].slice(-KEPT);
       this.at = this.history.length - 1;
@@ -338,7 +310,6 @@ export class Session {
 
   show(stage) {
     this.extra = {};
-    this.race = { runs: this.race.runs, point: null };
     this.stage = stage;
     this.hangar = new Hangar(stage.mission, this.agents, this.places, this.hangar);
   }
@@ -374,16 +345,13 @@ export class Session {
   /** What is done that is no change of the stage alone. */
   does = {
     cancel() {},
-    async copy() {
-      this.post({ kind: "copy", link: await linkOf(this.stage) });
-    },
     undo({ by }) {
       const at = this.next(by);
       const there = this.history[at];
       require(there, `there is nothing more to ${by < 0 ? "undo" : "redo"}`);
-      const { mission, tool } = this.stage;
+      const { mission, tool, looks } = this.stage;
       [this.at, this.last] = [at, ["undo", 0]];
-      if (there.mission !== mission) this.show(CHANGES.tool(there, { tool }));
+      if (there.mission !== mission) this.show({ ...there, tool, looks, point: null });
       else this.stage = { ...this.stage, flown: there.flown };
     },
     fly(told) {
@@ -453,20 +421,32 @@ export class Session {
     shadow({ cell }) {
       this.extra = { ...this.extra, shadow: { cell, rows: hiddenRows(this.hangar.environment, cell) } };
     },
-    /** Chooses the runs that race, or the point whose agent flies. */
-    race({ runs, point }) {
-      if (runs) this.race = { ...this.race, runs: runs.filter((k) => this.races[k]), point: null };
-      if (!point) return;
-      const left = !this.stage.mission.city.sameAs(this.village);
-      if (left) this.take(withMission(this.stage, randomMission(this.village, RACED, this.shelf), this.shelf), "city");
-      this.race = { ...this.race, point, left: left || this.race.left };
+    /** Chooses the point of a race whose agent flies, over the city in which it learned. */
+    race({ point }) {
+      const { stage, shelf } = this;
+      const there = shelf.village.sameAs(stage.mission.city) ? stage : withMission(stage, randomMission(shelf.village, RACED, shelf), shelf);
+      this.take({ ...there, point }, "race");
+    },
+    paint(told) {
+      const places = ({ mission }) => [...mission.devices, mission.start];
+      const before = places(this.stage);
+      this.take(CHANGES.paint(this.stage, told, this.shelf), "paint");
+      const moves = places(this.stage).map((cell, thing) => ({ thing: thing < before.length - 1 ? `device ${thing}` : "the start", cell }));
+      const moved = moves.filter(({ cell }, k) => String(cell) !== String(before[k]));
+      if (moved.length) this.notes.push({ kind: "moved", moved });
     },
     async open({ file, link, here, others }) {
-      const stage = await this.long("", () => this.opened(file, link));
-      if (here) this.linked = null;
+      const strangers = [];
+      const stage = await this.long("", () => this.opened(file, link, strangers));
+      const { mission } = this.stage;
+      const known = JSON.stringify(mission.asJson()) === JSON.stringify(stage.mission.asJson());
+      const begins = here && this.history.length === 1;
       this.filmed = null; // so that its step is shown, though the flights may be the same
-      this.take(stage, "open");
-      if (others) throw new InputError(`only ${file.name} was opened: open one file at a time`);
+      this.take(known ? { ...stage, mission } : stage, "open");
+      if (begins && this.at > 0) [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
+      const who = stage.policies.map((name) => whoIs(name, this.agents));
+      if (strangers.length) this.notes.push({ kind: "strangers", strangers, who, city: mission.city.name });
+      if (others) this.notes.push({ kind: "others", file: file.name });
     },
     async save({ what }) {
       const { stage } = this;
@@ -482,14 +462,14 @@ export class Session {
   };
 
   /** The stage of a file or a link: a stage, a mission, a city's picture, or an agent. */
-  async opened(file, link) {
-    if (link) return readFile(await textOfLink(link), this.shelf);
+  async opened(file, link, strangers) {
+    if (link) return readFile(await textOfLink(link), this.shelf, strangers);
     if (file.size > 40_000_000) throw new InputError("this file is too large");
     if (/\.png$/i.test(file.name)) {
       const city = await cityOfPicture(file);
       return overCity(this.stage, city, this.shelf);
     }
-    if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf);
+    if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf, strangers);
     const name = file.name.replace(/\.safetensors$/i, "");
     const agent = readAgent(new Uint8Array(await file.arrayBuffer()));
     this.agents[name] = givenAgent(name, agent);

@@ -3,6 +3,7 @@
 
 import { CONTROLS, SQUARE, escaped, flightPanels, lastStep, legend, playback, showing } from "../player.js";
 import { attend } from "./hands.js";
+import { linkOf } from "./state.js";
 import { TOOLS, brush, button, options } from "./tools.js";
 import { LONGEST } from "./words.js";
 
@@ -10,6 +11,8 @@ const MORE = "Cells, numbers and files";
 const LINK = "stage=";
 const LONG = ["many", "duel"]; // they show how far they are, and others do not wait for them
 const SLOW = 300; // ms without an answer after which a word is due
+const KEEP = 200; // ms from a change until the browser keeps it
+const BURST = 400; // ms between changes that are one entry of the browser's history
 const FULL = `<svg viewBox="0 0 16 16" width="16" aria-hidden="true"><path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5"/></svg>`;
 
 const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
@@ -37,7 +40,7 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
         <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label>
         <label>or a link <input type="text" data-set="link" placeholder="…#${LINK}…"></label>
         <button type="button" class="copy" data-name="Copy the link">Copy the link</button></div>
-      <p>Save keeps the city, the mission, the rivals and the step in a file; the mission alone has neither rivals nor
+      <p>Save keeps the city, the mission and all that is chosen here in a file; the mission alone has neither rivals nor
       step. Open reads such a file, a mission, a city's PNG or an agent's checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
       and move them with the arrow keys; Delete removes a device.</p></dialog>
     <div class="notice refusal" role="alert"></div>
@@ -50,17 +53,17 @@ const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-to
  * Draws the stage in an element.
  * @param {HTMLElement} el
  * @param {object} model `send(told)` tells the session something; `hear(answer)` is set here and is
- *   called with what it answers: a scene, a link, a file or progress
+ *   called with what it answers: a scene, a file or progress
  */
 export function draw(el, model) {
   const find = (selector) => el.querySelector(selector);
   let [scene, version, drawnTool, update] = [null, null, null, () => []];
-  let [asked, waiting] = [0, null]; // the numbers of the last question, and of that whose answer is awaited
+  let [asked, waiting, settle] = [0, [], () => {}]; // how much was asked, what is not answered yet, what is called when all is
   const next = new Map(); // what is asked when it has come, the last of each kind
-  let slow = null;
-  let [refusing, keeping] = [null, null]; // timers: of what is shown as not done, of the step that is to be kept
-  let [clock, story] = [null, null]; // the playback; whether captions are still to come
-  let copied = null; // takes the link that was asked for
+  let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of what is to be kept
+  let [clock, story] = [null, null]; // the playback; what is still to be told, and whether it stops for a caption to be read
+  let again = []; // what had no answer before a reload
+  let entry = {}; // of the browser's history: its text, its place and when it was new; empty while another is opened
   el.classList.add("uavdh-player", "uavdh-stage");
 
   const stage = {
@@ -73,19 +76,21 @@ export function draw(el, model) {
     ask(told) {
       if (told.show !== undefined) return clock.show(told.show);
       if (told.kind === "tool") clock.show(clock.now.time); // pauses
-      keepStep((step) => next.set("show", step)); // before what is told
+      const step = shownStep(); // is told before
+      if (step !== scene.state.step) next.set("show", { kind: "show", step });
       if (!told.quiet) stage.refuse("");
       askNext();
       send(told);
     },
     askWhenFree(told) {
       next.set(told.kind, told);
-      if (waiting === null) askNext();
+      if (!waiting.length) askNext();
     },
-    /** Shows that something was not done, until the answer to what is done next; 8 seconds at most. */
-    refuse(text) {
+    /** Shows that something was not done, or what happened beside it, until the answer to what is done next; 8 seconds at most. */
+    refuse(text, done = false) {
       clearTimeout(refusing);
       find(".refusal").textContent = text;
+      find(".refusal").classList.toggle("done", done);
       refusing = setTimeout(() => (find(".refusal").textContent = ""), 8000);
     },
     fill(selector, html) {
@@ -113,9 +118,8 @@ export function draw(el, model) {
       if (!end) clock.show(clock.now.last);
     },
     async copyLink(button) {
-      const link = new Promise((resolve) => (copied = resolve));
-      stage.ask({ kind: "copy" });
-      const text = link.then((letters) => `${location.href.split("#")[0]}#${LINK}${letters}`);
+      const answered = new Promise((resolve) => (waiting.length ? (settle = resolve) : resolve()));
+      const text = answered.then(() => linkOf(stageNow())).then((link) => `${location.href.split("#")[0]}#${LINK}${link}`);
       try {
         const blob = text.then((content) => new Blob([content], { type: "text/plain" }));
         await navigator.clipboard.write([new ClipboardItem({ "text/plain": blob })]); // promised during the press
@@ -138,13 +142,13 @@ export function draw(el, model) {
   };
 
   function send(told) {
-    asked += 1;
+    told = { ...told, number: (asked += 1) };
     if (!LONG.includes(told.kind)) {
-      waiting = asked;
+      waiting.push(told);
       clearTimeout(slow);
       slow = setTimeout(() => busy("Flying …"), SLOW);
     }
-    model.send({ ...told, number: asked });
+    model.send(told);
   }
 
   function askNext() {
@@ -264,21 +268,53 @@ export function draw(el, model) {
     stage.fill(".hint", full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "");
   }
 
-  // The address and the saved file know the step, too
-  function keepStep(keep) {
-    clearTimeout(keeping);
+  // What the browser keeps, for a reload, for back and forward, and as the page's address
+
+  /** The step that is shown, −1 for the last. */
+  function shownStep() {
     const { time, last } = clock.now;
-    const step = time === last ? -1 : Math.floor(time);
-    if (step !== scene.state.step && scene.state.tool !== "fly" && !story) keep({ kind: "show", step });
+    if (story || scene.state.tool === "fly") return scene.state.step;
+    return time === last ? -1 : Math.floor(time);
+  }
+
+  const stageNow = () => ({ ...scene.stage, step: shownStep() });
+  const stateNow = () => {
+    const { time, playing } = clock.now;
+    const asks = [...waiting, ...again, ...next.values()];
+    return { stage: stageNow(), asks, story: story && { step: Math.floor(time), plays: playing || story.reads } };
+  };
+  const opens = () => waiting.some(({ kind }) => kind === "open"); // then this entry is not ours to write
+
+  async function keep() {
+    keeping = null;
+    const text = JSON.stringify(stateNow());
+    if (text === entry.text) return;
+    const link = await linkOf(stageNow());
+    if (opens()) return;
+    const [state, address, now] = [stateNow(), story ? null : `#${LINK}${link}`, performance.now()]; // never an older state than is kept
+    const place = JSON.stringify([state.stage.mission, state.stage.tool]);
+    const moved = Boolean(entry.place) && place !== entry.place;
+    history[moved && now - entry.since > BURST ? "pushState" : "replaceState"](state, "", address);
+    entry = { text, place, since: moved ? now : (entry.since ?? -BURST) };
+  }
+
+  const keepNow = () => opens() || history.replaceState(stateNow(), ""); // there is no time for the address
+
+  /** Opens what an entry of the browser's history has, its state or its address; says whether there is something. */
+  function openEntry(state) {
+    entry = {};
+    if (!state?.stage) return stage.openLink(location.hash, true);
+    stage.ask({ kind: "open", file: new File([JSON.stringify(state.stage)], ""), here: true });
+    return true;
   }
 
   // The story: a duel plays, and captions say what to look at
 
-  function beginStory() {
+  function beginStory({ step, plays } = { step: 0, plays: true }) {
     if (!scene.fresh || scene.state.tool !== "compare") return;
-    story = true;
+    story = { reads: false };
     el.classList.add("telling");
-    clock.show(0, true);
+    clock.show(step, plays);
     stage.ask({ kind: "many", quiet: true });
   }
 
@@ -306,8 +342,13 @@ export function draw(el, model) {
     caption.innerHTML = `<p>${escaped(text)}</p><p><small>Orange ring: where each is before they part.</small></p>
       <button type="button" class="skip">${end ? "Your turn" : "Skip the story"}</button>`;
     if (held) find(".skip").focus({ preventScroll: true }); // so that Enter goes on
-    if (end || !playing) return;
-    const go = () => story && caption.dataset.text === text && clock.show(clock.now.time, true);
+    story.reads = playing && !end;
+    if (!story.reads) return;
+    const go = () => {
+      if (!story || caption.dataset.text !== text) return;
+      story.reads = false;
+      clock.show(clock.now.time, true);
+    };
     setTimeout(() => clock.show(time, false));
     setTimeout(go, Math.max(6500, 70 * text.length)); // time to read it
   }
@@ -327,24 +368,21 @@ export function draw(el, model) {
       const first = !scene;
       ({ scene } = told);
       if (first) return begin();
-      if (scene.number >= waiting) {
-        waiting = null;
+      waiting = waiting.filter(({ number }) => number !== scene.number);
+      if (!waiting.length) {
         clearTimeout(slow);
         if (!scene.working) busy("");
       }
-      if (!scene.quiet || scene.refused) stage.refuse(scene.refused && `Not done: ${scene.refused}.`);
+      if (scene.refused) stage.refuse(`Not done: ${scene.refused}.`);
+      else if (scene.note || !scene.quiet) stage.refuse(scene.note, true);
       if (brush.cells) return; // a stroke is drawn until it is over
-      if (waiting === null) askNext(); // it is computed while this is drawn
+      if (!waiting.length) askNext(); // it is computed while this is drawn
       paint();
+      if (!waiting.length && again.length) stage.ask(again.shift());
+      if (!waiting.length) settle();
     },
-    link({ link, moved }) {
-      if (waiting !== null) return; // another one will come
-      const address = story ? null : `#${LINK}${link}`;
-      if (model.own) history[moved ? "pushState" : "replaceState"](link, "", address);
-    },
-    copy: ({ link }) => copied(link),
     progress({ text, share }) {
-      if (text || (share === undefined && waiting === null)) busy(text, share);
+      if (text || (share === undefined && !waiting.length)) busy(text, share);
     },
     file({ name, blob }) {
       const href = URL.createObjectURL(blob);
@@ -362,13 +400,19 @@ export function draw(el, model) {
       const texts = update(time, playing);
       TOOLS[scene.state.tool].moment?.(stage, scene, time);
       tellStory(time, playing);
-      if (!playing) keepStep((told) => (keeping = setTimeout(() => stage.askWhenFree(told), 400)));
+      if (model.own) keeping ??= setTimeout(keep, KEEP);
       return texts;
     });
     for (const copy of el.querySelectorAll(".copy")) copy.hidden = !model.own;
     find(".full").hidden = !document.fullscreenEnabled;
-    window.addEventListener("popstate", ({ state }) => stage.openLink(state ? LINK + state : location.hash, true));
     paint();
-    if (!(model.own && stage.openLink(location.hash, true))) beginStory();
+    if (!model.own) return beginStory();
+    window.addEventListener("popstate", ({ state }) => openEntry(state));
+    for (const type of ["beforeunload", "pagehide"]) window.addEventListener(type, keepNow); // a reload keeps the former alone
+    document.addEventListener("visibilitychange", keepNow);
+    const { story: told, asks = [] } = history.state ?? {};
+    if (told) return beginStory(told);
+    again = asks;
+    if (!openEntry(history.state)) beginStory();
   }
 }

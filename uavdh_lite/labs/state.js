@@ -11,6 +11,19 @@ const LARGEST = 1_000_000; // characters of a file; the largest city takes a hun
 export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
 export const LETTERS = "neswhl"; // of the actions, in their order
 export const YOU = "you";
+export const LAYERS = ["none", "landing zone", "no-fly zone", "buildings", "data left", "data collected", "value"];
+export const METRICS = ["landed", "collected_and_landed"]; // of the curves in Watch
+
+/** Ways to look, and what each may be: `fits(value, shelf)`. */
+export const LOOKS = {
+  layer: (value) => LAYERS.includes(value),
+  centred: (value) => typeof value === "boolean",
+  metric: (value) => METRICS.includes(value),
+  runs: (value, { races }) =>
+    Array.isArray(value) && value.length >= Math.min(races.length, 1) &&
+    value.every((k, at) => Number.isInteger(k) && races[k] && at < 2 && value.indexOf(k) === at), // none races itself
+};
+const usualLooks = ({ races }) => ({ layer: "none", centred: false, metric: "landed", runs: races.slice(0, 2).map((_, k) => k) });
 
 /**
  * @typedef {object} Stage
@@ -20,16 +33,25 @@ export const YOU = "you";
  * @property {string} flown the actions that were flown by hand, in `LETTERS`
  * @property {number} step the step that is shown; −1 for the last
  * @property {number} device the device whose radio link is shown
+ * @property {object} looks one value for each of `LOOKS`
+ * @property {[number, number] | null} point of the race whose agent flies: which of the runs, and which of its points
  *
  * @typedef {object} Shelf what there is to choose from
  * @property {Object<string, import("./world.js").City>} cities by name
  * @property {Object<string, object>} scenarios the ranges of the missions over them, by the city's name
  * @property {(city: object) => string[]} known the names of who can fly over a city, agents first
+ * @property {object[]} races the recorded trainings, each with its points; none where Watch is not shown
+ * @property {import("./world.js").City} [village] their city
+ * @property {string[]} tools those that this page can show
  */
 
 /** The stage of a mission, with the agent and greedy. */
 export const newStage = (mission, shelf) =>
-  ({ mission, policies: usualPolicies(mission.city, shelf), tool: "compare", flown: "", step: -1, device: 0 });
+  ({ mission, policies: usualPolicies(mission.city, shelf), tool: "compare", flown: "", step: -1, device: 0, looks: usualLooks(shelf), point: null });
+
+/** The point of a race that is told, or nothing. */
+export const pointOf = ({ runs }, point, { races }) =>
+  point?.length === 2 && point.every?.(Number.isInteger) ? races[runs[point[0]]]?.points[point[1]] : undefined;
 
 /** The agent and its rival: the agent of the recipe `lite`, a strengthened DDQN, where one was trained for the city. */
 function usualPolicies(city, { known }) {
@@ -48,7 +70,7 @@ export function withMission(stage, mission, shelf) {
     if (policies[0] === policies[1]) policies = usual;
   }
   const device = Math.min(stage.device, mission.devices.length - 1);
-  return { ...stage, mission, policies, flown: "", step: -1, device };
+  return { ...stage, mission, policies, flown: "", step: -1, device, point: null };
 }
 
 /** What missions over a city are drawn from; over a painted one, time to cross it twice. */
@@ -69,8 +91,11 @@ export function stageAsJson({ mission, ...look }) {
   return { format: FORMAT, version: 1, ...look, mission: mission.asJson() };
 }
 
-/** The stage of a saved file, or of a mission's file. */
-export function readFile(text, shelf) {
+/**
+ * The stage of a saved file, or of a mission's file.
+ * @param {string[]} strangers takes the names of rivals that cannot fly here
+ */
+export function readFile(text, shelf, strangers = []) {
   require(text.length <= LARGEST, "this file is too large for a saved page or a mission");
   let values = null;
   try {
@@ -80,26 +105,36 @@ export function readFile(text, shelf) {
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
   require(values?.format === FORMAT && values.version === 1, "this file holds neither a saved page nor a mission");
-  const { policies, tool, flown, step, device } = values;
+  const { policies, tool, flown, step, device, looks: told = {}, point = null } = values;
   const mission = missionFromJson(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
   const index = (value, name, least, most) => require(Number.isInteger(value) && value >= least && value <= most,
     `${name} ${value}: must be a whole number from ${least} to ${most}`);
-  require(TOOLS.includes(tool), `tool ${JSON.stringify(tool)}: choose one of ${TOOLS.join(", ")}`);
-  require(policies?.length === 2, "policies: give two names");
+  require(shelf.tools.includes(tool), `tool ${JSON.stringify(tool)}: choose one of ${shelf.tools.join(", ")}`);
+  require(policies?.length === 2 && policies.every((each) => typeof each === "string"), "policies: give two names");
   require(/^[neswhl]*$/.test(flown), `flown ${JSON.stringify(flown)}: has other letters than ${LETTERS}`);
   index(step, "step", -1, mission.flyingTime);
   index(device, "device", 0, mission.devices.length - 1);
+  strangers.push(...policies.filter((name) => !names.includes(name)));
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
-  return { mission, policies: there[0] === there[1] ? usual : there, tool, flown, step, device };
+  require(Object(told) === told, "looks: must be an object");
+  const looks = usualLooks(shelf);
+  const races = shelf.races.length > 0;
+  for (const [name, fits] of Object.entries(LOOKS)) {
+    if (name !== "runs" || races) looks[name] = told[name] ?? looks[name]; // older files have none
+    require(fits(looks[name], shelf), `looks.${name} ${JSON.stringify(looks[name])}: cannot be chosen here`);
+  }
+  const flies = !races || point === null || (pointOf(looks, point, shelf) && mission.city.sameAs(shelf.village));
+  require(flies, `point ${JSON.stringify(point)}: no such agent flies here`);
+  return { mission, policies: there[0] === there[1] ? usual : there, tool, flown, step, device, looks, point: races ? point : null };
 }
 
 const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
 const through = (bytes, stream) => new Response(new Blob([bytes]).stream().pipeThrough(stream));
 
-/** The state in letters that may stand in an address. */
-export async function linkOf(stage) {
-  const packed = through(JSON.stringify(stageAsJson(stage)), new CompressionStream("deflate"));
+/** What a file holds in letters that may stand in an address. */
+export async function linkOf(values) {
+  const packed = through(JSON.stringify(values), new CompressionStream("deflate"));
   const letters = base64(new Uint8Array(await packed.arrayBuffer()));
   return letters.replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 }
@@ -195,6 +230,9 @@ export const CHANGES = {
   tool: (stage, { tool }) => ({ ...stage, tool }),
   show: (stage, { step }) => ({ ...stage, step }),
   look: (stage, { device }) => ({ ...stage, device }),
+  /** Chooses a way to look; other runs have other points. */
+  see: (stage, { name, value }) =>
+    ({ ...stage, looks: { ...stage.looks, [name]: value }, point: name === "runs" ? null : stage.point }),
   /** Paints cells with one of the city's signs. */
   paint(stage, { cells, sign }, shelf) {
     const rows = stage.mission.city.rows.map((row) => [...row]);

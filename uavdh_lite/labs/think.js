@@ -72,7 +72,11 @@ function reasonOf(flight, step, timeToLand, otherwise) {
     const all = sum(given[within - 1]);
     const stays = uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
     if (action !== HOVER || stays) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back };
-    return null;
-  }
-  return landed && after < home ? { kind: "home", home, left, now: false } : null;
+  } else if (landed && after < home) return { kind: "home", home, left, now: false };
+  if (since >= 0 && since <= step) return { kind: "idle", since: since < step ? since : 0 };
+  if (action !== HOVER) return null;
+  let until = step + 1; // steps after which it does something else
+  while (flight.action[until] === HOVER) until += 1;
+  const [rest, later] = [step, until].map((k) => sum(dataLeft[k]));
+  return { kind: "stays", until: until > step + 1 ? until : 0, amount: rest - later, rest };
 }

@@ -2,6 +2,7 @@
 // a moment. `scene` is what the session sent, `stage` is where it is shown.
 
 import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, scaleOf, tiles } from "../player.js";
+import { LAYERS, METRICS } from "./state.js";
 import { RUNS, gapOf, grouped, signed, timeUnits, units, upper } from "./words.js";
 
 const WORDS = {
@@ -105,7 +106,6 @@ const manyButton = button("100 missions", { kind: "many" });
 export const ARROWS = { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west" };
 export const WAYS = { north: [-1, 0], east: [0, 1], south: [1, 0], west: [0, -1] };
 export const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted
-export const looks = { layer: "none", centred: false, metric: "landed" }; // what the reader has chosen to see
 
 export const TOOLS = {
   fly: {
@@ -194,25 +194,25 @@ export const TOOLS = {
 
   think: {
     title: "Think",
-    html({ panel }) {
+    html({ panel, state: { looks } }) {
       if (panel.agent === null) {
         return `<h2>No agent knows this city</h2><p>Choose another city, or paint one of at most 16 by 16 cells: the
           ${term("any-city agent")} flies there.</p>`;
       }
-      const layers = ["none", ...SEEN, "value"].map((name) => [name, name]);
       const { step, gap, stake } = panel.closest;
       const instead = panel.instead && `${upper(panel.instead.subject)} ${panel.instead.you ? "have" : "has"} no ${panel.number}s: here the ${panel.agent} thinks and flies.`;
       const idle = stake ? ", the smallest while there was still a unit of data or more to collect." : ". Hardly anything was left to collect, so little depends on it.";
       return `<div role="status"><h2 class="says-why"></h2></div>${instead ? `<p><b>${explained(instead)}</b></p>` : ""}
         <h3>${term(panel.number, `${panel.number}s`)}: the longer the bar, the better (best: <span class="most"></span>)</h3><div class="q"></div>
         <div class="row">${button("Closest call", { show: step })} <small>step ${step + 1}: a gap of ${gapOf(gap)}${idle}</small></div>
-        <div class="row">${chooser("layer", "layer", layers, looks.layer)}
+        <div class="row">${chooser("layer", "layer", LAYERS.map((name) => [name, name]), looks.layer)}
         <label><input type="checkbox" data-set="centred" ${looks.centred ? "checked" : ""}> centred, as the network sees it</label></div>
         <div class="layer-scale"></div><p class="meaning"></p>
         <div class="row">${chooser("who thinks", "policy-0", panel.agents, panel.name)}</div>`;
     },
     over: () => '<g class="layer"></g>',
-    moment(stage, { panel, film }, time) {
+    moment(stage, scene, time) {
+      const { panel, film } = scene;
       if (panel.agent === null) return;
       const step = Math.min(Math.floor(time + 1e-9), panel.values.length - 1);
       const [{ path, end }] = film.flights;
@@ -231,10 +231,9 @@ export const TOOLS = {
       };
       stage.fill(".q", values.map(bar).join(""));
       stage.fill(".most", signed(best));
-      this.layer(stage, { panel, film }, step, time);
+      this.layer(stage, scene, step, time);
     },
-    layer(stage, { panel, film }, step, time) {
-      const { layer: name, centred } = looks;
+    layer(stage, { panel, film, state: { looks: { layer: name, centred } } }, step, time) {
       const size = film.city.length;
       stage.centre(centred ? momentAt(film.flights[0], time).place : null);
       const group = stage.find(".layer");
@@ -316,7 +315,7 @@ export const TOOLS = {
       const all = [[".", { name: "open ground" }], ...Object.entries(KINDS)];
       return `<h2>Paint the city</h2><p>Draw with the pointer, and drag devices where you want them; or press Tab to the map,
         move with the arrow keys and paint with space. Violet cells are those that a device at the pointer could
-        not see: its ${term("shadow")}.</p>
+        not see: its ${term("shadow")}. Low buildings cast one, too, though a UAV may fly over them.</p>
         <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
         <table>${average(scene)}</table>
@@ -335,35 +334,35 @@ export const TOOLS = {
 
   watch: {
     title: "Watch",
-    still: ({ panel }) => !panel.point,
-    html({ panel, film }) {
-      const { settings, chosen, runs, says, elsewhere, left, mean } = panel;
-      const known = settings.map(([title], k) => [k, title]);
+    still: ({ state }) => !state.point,
+    html({ panel, film, state: { looks, point } }) {
+      const { settings, runs, says, elsewhere, left, mean } = panel;
+      const others = (k) => settings.map(([title], run) => [run, title]).filter(([run]) => run !== looks.runs[1 - k]);
       const racer = (colour, pairs, k) => `<span class="racer"><span class="key ${colour}"></span>
-        ${chooser(colour, `run-${k}`, pairs, chosen[k] ?? "")}</span>`;
-      const about = chosen.map((run, k) => `${upper(RUNS[k])}: ${escaped(settings[run][1])}`);
+        ${chooser(colour, `run-${k}`, pairs, looks.runs[k] ?? "")}</span>`;
+      const about = looks.runs.map((run, k) => `${upper(RUNS[k])}: ${escaped(settings[run][1])}`);
       const [flight] = film.flights;
+      const verdict = `<p class="verdict" role="status">${says.map(escaped).join("<br>")}</p>`;
       const odd = runs.flatMap(({ points }) => points).find(({ steps }) => steps % 1000);
-      return `<h2>Watch it learn</h2><div class="row">${racer("blue", known, 0)}${racer("orange", [["", "nobody"], ...known], 1)}
-        ${chooser("shown", "metric", CURVES, looks.metric)}</div>
+      return `<h2>Watch it learn</h2><div class="row">${racer("blue", others(0), 0)}${racer("orange", [["", "nobody"], ...others(1)], 1)}
+        ${chooser("shown", "metric", METRICS.map((each) => [each, each.replaceAll("_", " ")]), looks.metric)}</div>
         <p class="setting">${about.join("<br>")}</p>
-        <div class="${this.fresh(chosen) ? "draws" : ""}">${curves(panel, looks.metric)}</div>
-        <p class="verdict" role="status">${says.map(escaped).join("<br>")}</p>
-        <p class="flies">${panel.point
+        <div class="${this.fresh(looks.runs) ? "draws" : ""}">${curves(runs, point, looks.metric)}</div>
+        ${point ? "" : verdict}<p class="flies">${point
           ? `This flight: ${explained(flight.name)}, in one mission. ${flight.ending} ${mean}`
           : "Press near a point, or move with the arrow keys, to see its agent fly. Each point stands for 100 missions that the agent did not learn from."}
         ${elsewhere && `The agents learn in the ${escaped(elsewhere)}: a point shows its agent there, and ↶ brings your mission back.`}
         ${left ? "↶ brings your mission back." : ""} The training runs were recorded.
-        ${odd ? `They fly several missions at once, hence ${grouped(odd.steps)} steps and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>`;
+        ${odd ? `They fly several missions at once, hence ${grouped(odd.steps)} steps and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>${point ? verdict : ""}`;
     },
     drawn: "", // the runs whose curves have drawn themselves
-    fresh(chosen) {
+    fresh(runs) {
       const before = this.drawn;
-      this.drawn = String(chosen);
+      this.drawn = String(runs);
       return before !== this.drawn;
     },
     /** Keys over the curves go from point to point, and from run to run. */
-    keyed({ scene: { panel: { runs, point } }, ask }, key, down = 0, right = { Home: -Infinity, End: Infinity }[key]) {
+    keyed({ scene: { panel: { runs }, state: { point } }, ask }, key, down = 0, right = { Home: -Infinity, End: Infinity }[key]) {
       if (right === undefined) return null;
       const [run, k] = point ?? [0, right > 0 ? -1 : runs[0].points.length];
       const other = Math.min(Math.max(run + down, 0), runs.length - 1);
@@ -373,7 +372,6 @@ export const TOOLS = {
   },
 };
 
-const CURVES = [["landed", "landed"], ["collected_and_landed", "collected and landed"]];
 const CENTRED = "All layers are shifted so that the UAV is in the middle.";
 const MEANINGS = {
   "landing zone": "A layer that the network sees: where the UAV may land.",
@@ -406,7 +404,7 @@ function outside(size, name) {
 }
 
 /** The curves of a race: points by steps; full blue lies on a wider, open orange. Arrow keys choose a point. */
-function curves({ runs, point }, metric) {
+function curves(runs, point, metric) {
   const [width, height, left, bottom] = [420, 195, 44, 26];
   const steps = Math.max(...runs.map(({ points }) => points.at(-1).steps));
   const x = (each) => left + ((width - left - 12) * each) / steps;

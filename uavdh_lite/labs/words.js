@@ -45,6 +45,7 @@ const TEMPLATES = {
   air: () => "One flight is still in the air.",
   empty: () => "One flight has not begun: fly it in the tool Fly.",
   level: () => "Nearly level.",
+  crashes: () => "Both crash: all that was collected is lost.",
   crash: ({ who, other }) =>
     `${upper(says(who, "wins"))}, because ${says(other, "crashes")}: all that was collected is lost.`,
   wins({ who, more, sooner, by, refusals }) {
@@ -82,7 +83,7 @@ const TEMPLATES = {
   chooses({ action, reason, gap, second, close, both }) {
     const why = reason ? REASONS[reason.kind](reason) : "";
     if (gap === null) return `${action}, because nothing else leaves time to land.`;
-    return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}${both ? comparison(both) : ""}.`;
+    return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}${both ? comparison(both, second) : ""}.`;
   },
 
   place: ({ source, licence }) =>
@@ -96,11 +97,11 @@ const TEMPLATES = {
   kink: ({ run, steps, before, now, episodes }) =>
     `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} missions landed at the point before, ${now} at this one.`,
   forgot: ({ steps, landed }) => `Earlier, after ${grouped(steps)} steps, ${landed} landed, but it forgot how.`,
-  falls({ run, from, to, episodes }) {
+  falls({ run, from, to, episodes, hidden }) {
     const lands = to.landed === from.landed ? "it lands as often" : `it lands in ${to.landed} of ${episodes} missions, not in ${from.landed}`;
     const less = to.landed < from.landed ? "" : ", but collects less before";
     return `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, but after ${grouped(to.steps)} only ` +
-      `${to.home}\u00a0%: ${lands}${less} (choose “collected and landed” to see it).`;
+      `${to.home}\u00a0%: ${lands}${less}${hidden ? " (choose “collected and landed” to see it)" : ""}.`;
   },
   point: ({ episodes, landed, home }) =>
     `Over ${episodes} missions that it did not learn from, it lands in ${landed} and brings ${home}\u00a0% of the data home.`,
@@ -108,6 +109,13 @@ const TEMPLATES = {
     const told = ends.map(({ landed, home }, k) => `${RUNS[k]} lands in ${landed} of ${episodes} missions and brings ${home}\u00a0% of the data home`);
     return `${wins === null ? "In the end" : `${upper(RUNS[wins])} wins`}: ${told.join("; ")}.`;
   },
+
+  // What happened beside what was asked for
+  moved: ({ moved }) =>
+    `What stood there has moved: ${listed(moved.map(({ thing, cell: [row, col] }) => `${thing} to row ${row}, column ${col}`))}.`,
+  strangers: ({ strangers, who, city }) =>
+    `${listed(strangers.map((name) => `“${name}”`))} cannot fly over ${city} on this page, so ${listed(who.map(({ subject }) => subject))} do.`,
+  others: ({ file }) => `Only ${file} was opened: open one file at a time.`,
 
   // What is odd about a mission or a city
   absent: ({ absent }) => `${upper(listed(absent))} ${absent.length > 1 ? "were" : "was"} not trained for this city, and cannot fly here.`,
@@ -122,6 +130,9 @@ const TEMPLATES = {
 
 const REASONS = {
   refused: () => ", which is refused: it stays where it is",
+  idle: ({ since }) => (since ? `, though nothing has been left to collect since step ${since}` : ", though all data is collected"),
+  stays: ({ until, amount, rest }) =>
+    `, which ${until ? `up to step ${until} ` : ""}brings ${amount < 0.05 ? "hardly any" : amount.toFixed(1)} of the ${rest.toFixed(1)} units that are left`,
   done: ({ since }) => (since ? `, because nothing has been left to collect since step ${since}` : ", because all data is collected"),
   home: ({ home, left, now }) =>
     now
@@ -137,9 +148,9 @@ const REASONS = {
 };
 
 /** What the second best action would bring in the same step as the best. */
-function comparison({ brings, instead, scores }) {
+function comparison({ brings, instead, scores }, second) {
   const [here, there] = [brings, instead].map((each) => each.toFixed(1));
-  const alone = scores ? "the score alone tells them apart" : "the network values what follows it less";
+  const alone = scores ? "the score alone tells them apart" : `the network expects less from the steps after ${second}`;
   if (Number(there) < Number(here)) return `, which would bring ${there} units in this step, not ${here}`;
   if (there === "0.0") return `; neither brings anything to speak of in this step: ${alone}`;
   return `, which would bring ${there === here ? `as much in this step, ${there}` : `more in this step, ${there}`} units: ${alone}`;

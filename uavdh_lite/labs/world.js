@@ -662,7 +662,7 @@ export function missionFromJson(values) {
   };
   const list = (value, entry, least, most, check) => {
     const fits = Array.isArray(value) && value.length >= least && value.length <= most;
-    require(fits, `${entry}: must be a list of ${least} to ${most}`);
+    require(fits, `${entry}: must be a list of ${least} ${most < Infinity ? `to ${most}` : "or more"}`);
     value.forEach((one, k) => check(one, `${entry}[${k}]`));
   };
   const cell = (value, entry) => list(value, entry, 2, 2, (axis, name) => whole(axis, name, 0, MAX_SIZE - 1));
@@ -676,7 +676,7 @@ export function missionFromJson(values) {
   const row = (value, entry) => require(/^[.NbLB]+$/.test(value), `${entry}: must be a row of ${SIGNS}`);
   list(rows, "city.rows", 1, MAX_SIZE, row);
   cell(values.start, "start");
-  list(values.devices, "devices", 1, 100, (device, entry) => {
+  list(values.devices, "devices", 1, Infinity, (device, entry) => { // the mission says how many are too many
     object(device, entry, "cell", "data");
     cell(device.cell, `${entry}.cell`);
     const fits = Number.isFinite(device.data) && device.data >= 0 && device.data < 2 ** 15;
