@@ -177,7 +177,7 @@ trajectory_figure(environment, flights.trajectory(0))
 #
 # ## 0.4 Two pilots for comparison
 #
-# Was that a good flight? A score means little as long as there is nothing to compare it with. So
+# Was that a good flight? A score means little as long as there is nothing to compare it with, so
 # throughout the course two simple pilots fly the same missions as the agent.
 #
 # - **greedy** flies to the nearest device that still has data. When it has just enough time left to
@@ -243,7 +243,7 @@ for metric in scores["random"]:
 # How much of this is understanding, and how much is merely learned by heart, is a question for
 # notebook 8.
 #
-# So a rule of a few lines beats a network that took millions of steps to train. **Why learn at
+# A rule of a few lines, then, beats a network that took millions of steps to train. **Why learn at
 # all?** Keep this question in mind, because the whole course is an answer to it. Here are two
 # hints: the rule's author knew what the map means, and somebody has to think up a new rule whenever
 # the task changes. In the last notebook of the course, one agent will beat the rule, and another
@@ -263,10 +263,10 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # although nothing forces the agent to land. (Had it crashed, the picture would show a red star, and
 # the flight would score 0, however much data the caption says had been collected.)
 #
-# So does this agent always land? Two thousand landings in a row do not prove it. Even a pilot that
-# crashes in one mission out of a thousand would manage such a run about once in seven tries. By the
-# **rule of three**, after $n$ missions without a crash the true share of crashes may still be as
-# large as $3/n$ (with a confidence of 95 %), which is 0.15 % here.
+# Does this agent always land, then? Two thousand landings in a row do not prove it. Even a pilot
+# that crashes in one mission out of a thousand would manage such a run about once in seven tries.
+# By the **rule of three**, after $n$ missions without a crash the true share of crashes may still
+# be as large as $3/n$ (with a confidence of 95 %), which is 0.15 % here.
 #
 # ## 0.6 What the agent knows
 #

@@ -82,9 +82,9 @@ print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only close
 # ## 1.2 Path loss
 #
 # A radio signal gets weaker on its way. The loss spans many powers of ten, so engineers use a
-# logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. So 10 dB is a factor of ten,
-# 20 dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for factors
-# smaller than one: −10 dB is a tenth. On this scale products become sums.
+# logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. Thus 10 dB is a factor of
+# ten, 20 dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for
+# factors smaller than one: −10 dB is a tenth. On this scale products become sums.
 #
 # What counts is how strong the signal is compared with the noise, the random hiss in every
 # receiver. The ratio of their powers is the *signal-to-noise ratio*, SNR. It falls as a power of
@@ -268,13 +268,13 @@ ax.legend()
 figure
 
 # %% [markdown]
-# The curve bends upwards: it is *convex*. So the mean of the two slots, which lies on the dashed
-# line, is above the curve: good luck gains more than bad luck loses. This is an example of
+# Because the curve bends upwards (it is *convex*), the mean of the two slots, which lies on the
+# dashed line, is above the curve: good luck gains more than bad luck loses. This is an example of
 # *Jensen's inequality*.
 #
 # Textbooks often say the opposite, that fading *lowers* the rate. They compare links with the same
 # mean SNR, and as a function of this ratio, rather than of decibels, the rate bends downwards. Here
-# the mean is fixed in decibels. So fading raises the mean SNR, by 5 % in sight and by 14 % behind a
+# the mean is fixed in decibels, so fading raises the mean SNR, by 5 % in sight and by 14 % behind a
 # building (the mean of $10^{\eta/10}$ over a normal $\eta$), and that is more than the bend takes
 # away.
 #
@@ -303,8 +303,8 @@ for name, ground, exponent in (
 #   tenth as much data.
 # - Round the corner, fetching the data would take longer than any flight lasts.
 #
-# So the answer to the question at the top is: anywhere that is *in sight* of the device and not too
-# far away. Where that is depends on the buildings, and the agent is never told. In the lab
+# The answer to the question at the top is therefore: anywhere that is *in sight* of the device and
+# not too far away. Where that is depends on the buildings, and the agent is never told. In the lab
 # *Channel* (`python -m uavdh_lite app`) you can drag a device and watch the rates change.
 #
 # ## Recap

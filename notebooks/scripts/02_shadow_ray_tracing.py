@@ -87,8 +87,8 @@ figure
 # $$R\,c - C\,r = 0.$$
 #
 # On one side of the line the number $R\,c - C\,r$ is positive, and on the other side it is
-# negative. So let us compute it at the corners of the cells. It is doubled here, because at a
-# corner $r$ and $c$ end in ½, and doubling makes the number whole:
+# negative. Let us therefore compute it at the corners of the cells. It is doubled here, because at
+# a corner $r$ and $c$ end in ½, and doubling makes the number whole:
 
 # %%
 from uavdh_lite.plotting import BLUE, VERMILION
@@ -130,13 +130,13 @@ print(crossed.astype(int))
 assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 
 # %% [markdown]
-# A line goes on for ever, but our ray ends at the UAV. So we test only the cells in the rectangle
+# A line goes on for ever, but our ray ends at the UAV, so we test only the cells in the rectangle
 # between its two ends.
 #
-# All of these numbers are whole, so nothing has to be rounded. That matters. In a larger city, the
-# ray from (0, 0) to (7, 25) passes exactly through the point at row 3.5 and column 12.5, where four
-# cells meet. In ordinary floating-point numbers `7 / 25 * 12.5` is 3.5000000000000004, so the ray
-# seems to miss this point. And in a city made of squares, rays meet corners all the time.
+# All numbers in the test are whole, so nothing has to be rounded. That matters. In a larger city,
+# the ray from (0, 0) to (7, 25) passes exactly through the point at row 3.5 and column 12.5, where
+# four cells meet. In ordinary floating-point numbers `7 / 25 * 12.5` is 3.5000000000000004, so the
+# ray seems to miss this point. And in a city made of squares, rays meet corners all the time.
 #
 # ## 2.2 At a corner
 #
@@ -170,7 +170,7 @@ figure
 # ## 2.3 A whole city
 #
 # Which cells a ray crosses depends only on how far it goes down and to the right, not on where it
-# starts. So for each such displacement the library works out the crossed cells only once, and then
+# starts, so the library works out the crossed cells only once for each such displacement. It then
 # shifts the whole layer of buildings under the ray. In this way a few array operations settle all
 # pairs of cells with this displacement.
 #

@@ -67,8 +67,8 @@ for name, value in vars(state).items():
 # fly many episodes together, as a *batch*. `city` is the number of the city; it is 0, because there
 # is only one.
 #
-# Why does the state contain the time left? With 40 units left, flying on may be best. In the same
-# place with only 5 units left, it is not.
+# Why does the state contain the time left? With 40 units of time left, flying on may be best. In
+# the same place with only 5 left, it is not.
 #
 # ## 3.2 Actions and one step
 #
@@ -77,8 +77,8 @@ for name, value in vars(state).items():
 #
 # A step has two parts. The first is luck: the fading of notebook 1 is drawn at random. The second
 # is a *pure function*, that is, a function without luck or memory. State, action and fading go in,
-# and the next state and the outcome of the step come out. So it is certain where the UAV goes, and
-# only the amount of data that comes in depends on luck.
+# and the next state and the outcome of the step come out. It is therefore certain where the UAV
+# goes, and only the amount of data that comes in depends on luck.
 
 # %%
 import numpy as np
@@ -140,13 +140,12 @@ figure
 # %% [markdown]
 # The black line falls while the UAV is on its way to a device and rises while data comes in. Its
 # last value is the return. An agent that looked no further than the next reward would land at once
-# in this mission, because landing costs nothing. So an agent has to learn that a step that costs
-# something now may bring in much more later. When data comes in after thirty steps, which of those
-# steps deserve the credit? This is the problem of **credit assignment**, and notebook 6 is about
-# it.
+# in this mission, because landing costs nothing. An agent therefore has to learn that a costly step
+# may bring in much more later. When data comes in after thirty steps, which of those steps deserve
+# the credit? This is the problem of **credit assignment**, and notebook 6 is about it.
 #
-# Why is data paid for when it comes in, and not at the landing, as the score would have it? Because
-# a reward at the landing would come dozens of steps after the move that earned it. A reward that is
+# Why is data paid for when it comes in, and not on landing, as the score would have it? Because a
+# reward paid on landing would come dozens of steps after the move that earned it. A reward that is
 # paid at once goes to the step that brought in the data. The drawback is that return and score are
 # no longer the same, and only the penalty for a crash makes the agent bring its data home (notebook
 # 7).
@@ -203,8 +202,8 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # On average, **even a perfect pilot stays below 100 %**. Missions are drawn at random, and nobody
 # checks whether all of their data can be collected. Five devices in far corners may be too many for
 # any route of 35 units of time; a device in a courtyard may cost more to reach than its data is
-# worth; and fading may bring bad luck. So compare a pilot with the best that is possible, not with
-# 100 %.
+# worth; and fading may bring bad luck. Therefore compare a pilot with the best that is possible,
+# not with 100 %.
 #
 # ## 3.5 Who may send: four slots per step
 #
@@ -248,7 +247,7 @@ figure
 #
 # The rule takes no account of how much data a device has, or of fairness. The loudest device gets
 # the whole slot, even if it has only 0.1 units left to send, and a device that is never the loudest
-# never sends. So the rule need not give the best schedule.
+# never sends. The rule therefore need not give the best schedule.
 #
 # Why is "serve device 2" not an action of the agent? If it were, the agent would have to learn what
 # a simple rule already does well. And even without such an action the agent has a say, because
@@ -273,7 +272,7 @@ figure
 # The dots show where the UAV is in the four slots, and the cross is the device. In slot 1 the
 # building is in the way. From slot 2 on, the device is in sight, and each slot carries a little
 # more than the one before. How does the program know? The table of notebook 2 has one answer for
-# each *cell*, whereas the UAV is now between two cells. So the nearer of the two decides whether
+# each *cell*, whereas the UAV is now between two cells, so the nearer of the two decides whether
 # the UAV is in sight. Halfway, in slot 2, both are equally near, and then the cell ahead counts.
 #
 # ## 3.6 Fly it yourself

@@ -52,8 +52,9 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # what blocks the radio. Two show the data: what each device still has, and what the UAV has
 # collected from it. (If two devices shared a cell, these layers could show only the sum of their
 # data.) The last picture is empty because the flight has not begun. None of the five shows the
-# fading, the rate of a link or the shadows of notebook 2. So whatever the agent knows about shadows
-# it has to work out from the layer of buildings or, if it flies in a single city, learn by heart.
+# fading, the rate of a link or the shadows of notebook 2. Whatever the agent knows about shadows it
+# must therefore work out from the layer of buildings or, if it flies in a single city, learn by
+# heart.
 #
 # The UAV is always in the middle of the *frame*, the square that each picture fills. This is **map
 # centring** (section III-C), the paper's second idea after the map itself.
@@ -73,8 +74,8 @@ Quiz("frame_size")
 #
 # ## 4.2 The stopped clock
 #
-# Why does the network need to know the time? Let us leave the pictures as they are and change only
-# the time:
+# Why does the network need to know the time? We leave the pictures as they are and change only the
+# time:
 
 # %%
 from dataclasses import replace
@@ -95,9 +96,9 @@ for units in (50, 15, 14):
 # %% [markdown]
 # One device is far to the north, the other is nearer, in the west, and the nearest landing zone is
 # in the south-east. The five pictures are the same each time, but the answers are not. With 50 or
-# 15 units left, the agent makes for the near device. With 14 it turns for home, because from the
-# next cell to the west the way home would take 14 units and only 13 would be left. From the
-# pictures alone it could not tell these cases apart.
+# 15 units of time left, the agent makes for the near device. With 14 it turns for home, because
+# from the next cell to the west the way home would take 14 units and only 13 would be left. From
+# the pictures alone it could not tell these cases apart.
 #
 # To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. It sees
 # the true pictures, but the time it is shown never changes. The true time runs out nevertheless.
@@ -178,7 +179,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # *displacement* from the UAV has a place of its own.
 #
 # A centred picture can also be turned by right angles and mirrored, as long as the action turns
-# with it (north becomes west). So a single step of a flight gives eight examples to learn from,
+# with it (north becomes west). A single step of a flight thus gives eight examples to learn from,
 # four directions and their mirror images, without another flight. This is called *data
 # augmentation*. It is allowed because neither the radio nor the moves prefer a direction; with
 # wind, or with an antenna that points north, it would be wrong. The agents of notebooks 9 and 12
@@ -204,7 +205,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # The price is size: 4805 numbers instead of about twenty. A network with a separate adjustable
 # number, a *weight*, for each of them would have to learn the same thing again for each place in
-# the picture. That is why the agent's network begins with *convolutions*, which look for the same
+# the picture. Therefore the agent's network begins with *convolutions*, which look for the same
 # pattern everywhere. The next notebook explains them.
 #
 # Because the pictures are made anew from the state at each step, a change of the *task* often means
@@ -235,14 +236,14 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # *Swapped battery:* there are now two times, one for the battery and one for the mission. Both
 # belong in the state and in what the network sees. The UAV now crashes if its battery runs out in
-# the air. As long as the mission has time left, `land` does not end the episode but costs three
-# units.
+# the air. As long as the mission has time left, `land` does not end the episode but takes three
+# units of time.
 #
 # *Refilling buffers:* an episode no longer has a fixed amount of data that could all be collected,
 # so *collected and landed* must be replaced, for example by the data collected per unit of time.
 # "Data left" stays as a layer. If the devices fill at different rates that the agent cannot see,
-# the task becomes a POMDP. So show the rates in a layer of their own; otherwise the agent has to
-# guess them.
+# the task becomes a POMDP. Show the rates in a layer of their own; otherwise the agent has to guess
+# them.
 #
 # *Two UAVs:* the state holds the position and the remaining time of each. Each UAV's network gets
 # one more layer, which shows where the other UAV is. Either the two share one reward, or they
@@ -261,7 +262,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # layer that shows the directions, the last few pictures together (**frame stacking**), or a network
 # with a memory (a **recurrent** network).
 #
-# *Any direction:* positions are now decimal numbers, and the grid shows them only roughly. The
+# *Any direction:* positions are no longer whole numbers, and the grid shows them only roughly. The
 # harder change is in the agent. Ours gives a number to each of six actions and takes the action
 # with the largest number. Angles and speeds cannot be listed like this, so methods such as **soft
 # actor-critic** (SAC) train a second network that proposes the action ([a map of the

@@ -57,16 +57,17 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 
 # %% [markdown]
 # With a bias of 0, the output is 3, the sum of the numbers in the right-hand picture. These weights
-# add the right column and subtract the left one. So a neuron asks a question about its inputs, and
-# its weights say which question: here, whether something is on the right and nothing on the left.
+# add the right column and subtract the left one. A neuron thus asks a question about its inputs,
+# and its weights say which question: here, whether something is on the right and nothing on the
+# left.
 #
 # Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is something
 # else: a picture.) A layer is **fully connected**, or *dense*, if each of its neurons has a weight
 # for every input.
 #
-# What does a second layer gain us? Nothing yet. Plotted against any one input, a neuron's output is
-# a straight line. A weighted sum of straight lines is again a straight line, so two layers can do
-# no more than one. Something has to bend the lines between the two layers. The usual choice is the
+# What does a second layer gain? Nothing yet. Plotted against any one input, a neuron's output is a
+# straight line. A weighted sum of straight lines is again a straight line, so two layers can do no
+# more than one. Something has to bend the lines between the two layers. The usual choice is the
 # **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others. Here
 # are three bent lines and their sum:
 
@@ -87,11 +88,12 @@ ax.legend();
 #
 # ## 5.2 Going downhill
 #
-# At first all weights are random numbers, because identical neurons would all learn the same thing.
-# A **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the output
+# At first all weights are random numbers, because identical neurons would learn the same thing. A
+# **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the output
 # gets worse. Its *slope* with respect to a weight says whether the loss grows or shrinks when the
-# weight grows. So the weight steps downhill: it changes by minus the slope times a small number,
-# the **learning rate**. This is **gradient descent**. The *gradient* is the list of all slopes.
+# weight grows. The weight therefore steps downhill: it changes by minus the slope times a small
+# number, the **learning rate**. This is **gradient descent**. The *gradient* is the list of all
+# slopes.
 #
 # Take one neuron with one weight. The input is 3 and the output should be 6, so the weight should
 # become 2.
@@ -114,13 +116,13 @@ ax.set(xlabel="weight", ylabel="loss");
 # with 0.0002 the weight would hardly move. A number that is chosen rather than learned is a
 # **hyperparameter**.
 #
-# The slope in the code has the input, 3, as a factor. So the weight of an input of 70 takes far
+# The slope in the code has the input, 3, as a factor, so the weight of an input of 70 takes far
 # larger steps than those of inputs near 1, and even an equal step moves the output 70 times as far.
 # Therefore data and flying time are scaled to small numbers.
 #
-# The slope of a squared error grows with the error, so a single error of 150 pulls at the weights
-# as hard as 150 errors of 1. So our agents learn with the **Huber loss**, a parabola near 0 and a
-# straight line further out.
+# Because the slope of a squared error grows with the error, a single error of 150 pulls at the
+# weights as hard as 150 errors of 1. Our agents therefore learn with the **Huber loss**, a parabola
+# near 0 and a straight line further out.
 #
 # ## 5.3 Backpropagation
 #
@@ -141,7 +143,7 @@ ax.set(xlabel="weight", ylabel="loss");
 # changes nothing here, because $h$ is positive. Where it gives 0, the slope is 0, and the weights
 # before it learn nothing; so the agent's *leaky* ReLUs turn a negative number into a tenth of it.)
 # If $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each
-# slope is the one to its right times a number that is known from the forward pass. So one backward
+# slope is the one to its right times a number that is known from the forward pass, so one backward
 # pass gives the slopes of *all* weights at the cost of one or two forward passes. This is
 # **backpropagation**. In PyTorch:
 
@@ -184,7 +186,7 @@ def train(model, x, y, updates=400):
 #
 # ## 5.5 A window that moves
 #
-# Move the neuron of 5.1 across a larger picture like a window, and write down its output at each
+# Move the neuron of 5.1 like a window across a larger picture, and write down its output at each
 # place. This is a **convolution**, and the weights are its *kernel*. (Signal processing calls it a
 # *cross-correlation*; for kernels that are learned, the difference does not matter.)
 
@@ -201,7 +203,7 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # used everywhere (**weight sharing**), so what they learn in one place holds in all others. If the
 # building moves one cell east, so does the result (**translation equivariance**).
 #
-# In the agent's first convolution, each of the 16 kernels has 5 × 5 weights for each of the map's
+# In the agent's first convolution, each of the 16 kernels has 5×5 weights for each of the map's
 # five layers, and makes one new picture, a **feature map**, for the second convolution.
 #
 # The number of cells by which the window moves each time is the **stride**. With a stride of 3 the
@@ -235,11 +237,11 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # each of these sees 5 cells, so $5+4\cdot3=17$.
 #
 # The square lies off centre because the windows begin in the north-western corner. Nine of them, 3
-# cells apart, reach $8\cdot3+5=29$ cells; a tenth does not fit. So the agent's network **never
+# cells apart, reach $8\cdot3+5=29$ cells; a tenth does not fit. Hence the agent's network **never
 # reads the last two rows and columns**: it cannot see a device 14 or 15 cells south or east of the
 # UAV, and more than a quarter of the missions over Manhattan begin with one there. (The paper's
-# strides of 1 leave nothing out, but let the unit see only $5+4=9$ cells.) Our stride makes an
-# update about eight times cheaper; what the strip costs has not been measured.
+# strides of 1 leave nothing out, but let the unit see only $5+4=9$ cells on each side.) Our stride
+# makes an update about eight times cheaper; what the strip costs has not been measured.
 #
 # ## 5.6 One question, three networks
 #
@@ -284,19 +286,20 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # The **dense network in place** does well in training and poorly in the test. It has learned its
 # training pairs by heart, and guesses at new ones. This is **overfitting**: the network fits its
 # examples better than the world that they come from. A weight of its first layer belongs to an
-# absolute place, such as "device at (4, 7)". Whether that is near depends on the UAV, so what the
-# network learns about one pair tells it little about the next. More examples would help, and so
-# would stopping when the results on unseen examples get worse (**early stopping**).
+# absolute place, such as "device at (4, 7)". Whether a device there is near depends on where the
+# UAV is, so what the network learns about one pair tells it little about the next. More examples
+# would help, and so would stopping when the results on unseen examples get worse (**early
+# stopping**).
 #
 # The **convolutions** avoid this problem. Their window sees the UAV and a near device *together*,
 # wherever in the city they are. With the **centred** map even the dense network is nearly perfect,
 # because the question has become trivial: is the device in a certain square of the picture? There
 # are only 961 such pictures, so 19 in 20 of the test had been in the training.
 #
-# So what does centring add? A convolution compares only what lies within its window. "Is it near?"
-# fits into a window; "can I still reach the landing zone in time?" does not, because the zone may
-# be a whole city away. In the centred frame every displacement from the UAV is a single place in
-# the picture, so a single weight can ask for it.
+# What, then, does centring add? A convolution compares only what lies within its window. "Is it
+# near?" fits into a window; "can I still reach the landing zone in time?" does not, because the
+# zone may be a whole city away. In the centred frame every displacement from the UAV is a single
+# place in the picture, so a single weight can ask for it.
 #
 # ## 5.7 The whole network
 #
@@ -314,11 +317,11 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # | weights in all | 2,308,854 | 246,006 |
 #
 # Layer normalisation shifts and scales the 256 sums to mean 0 and standard deviation 1, so that
-# none is far too large for the next layer; two learned numbers for each sum then adjust it. The
-# flying time belongs to no cell, so it joins the list after the convolutions.
+# none is too large for the next layer; two learned numbers for each sum then adjust it. The flying
+# time belongs to no cell, so it joins the list after the convolutions.
 #
-# Nearly all of the paper's weights are in the first dense layer, 256 neurons with 8465 inputs each.
-# So the network fits only one size of *city*.
+# Nearly all of the paper's weights are in the first dense layer, 256 neurons with 8465 inputs each,
+# so the network fits only one size of *city*.
 #
 # ## Recap
 #

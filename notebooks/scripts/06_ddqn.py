@@ -131,8 +131,8 @@ for gamma in (0.5, 0.95, 1.0):
 # With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=0$ only the next reward
 # would count, as for the agent in 3.3 that lands at once. With $\gamma=1$ the device counts in
 # full, which does no harm here: a flight that never ends costs more and more, so the best flights
-# end. (If a task has no end, the sum may be unbounded; then $\gamma$ must be below 1.) So **why
-# discount, if the plain sum is what we want?**
+# end. (If a task has no end, the sum may be unbounded; then $\gamma$ must be below 1.) **Why
+# discount, then, if the plain sum is what we want?**
 #
 # - *Errors.* Each value is estimated from the next, which is estimated from the one after it, and
 #   so on. Each estimate adds an error, and $\gamma$ shrinks the errors from far away.
@@ -149,9 +149,10 @@ for gamma in (0.5, 0.95, 1.0):
 # ## 6.2 A network instead of the table
 #
 # A table for Manhattan would need a row for every combination of positions, times and amounts of
-# data: for five devices more than $10^{13}$ rows, even without the amounts. So a network computes
-# the Q-values from its inputs, here the row and the column of the cell. It answers even for a cell
-# that it has never seen, and neighbouring cells get similar values. This is **generalisation**.
+# data: for five devices more than $10^{13}$ rows, even without the amounts. Instead, a network
+# computes the Q-values from its inputs, here the row and the column of the cell. It answers even
+# for a cell that it has never seen, and neighbouring cells get similar values. This is
+# **generalisation**.
 #
 # In the table, an entry moved a fraction $\alpha$ of the way to $y$. Now the weights $\theta$ take
 # a step downhill on the squared error (paper, eq. 7):
@@ -168,9 +169,9 @@ for gamma in (0.5, 0.95, 1.0):
 # fits what it has just seen and **forgets** the rest, because the same weights serve all places.
 # And gradient descent works best with independent examples.
 #
-# So all steps go into a **replay memory**, and the network learns from a *minibatch* drawn from it
-# at random. Only an off-policy method may do this, because earlier, worse versions of the agent
-# flew most of these steps.
+# Therefore all steps go into a **replay memory**, and the network learns from a *minibatch* drawn
+# from it at random. Only an off-policy method may do this, because earlier, worse versions of the
+# agent flew most of these steps.
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem
 #   it was meant to solve. A large one also holds older steps, flown by agents that knew less. What
@@ -202,8 +203,8 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # An update raises $Q(s,a)$ towards $y$. In a table nothing else would change. In the network the
 # same weights also determine the values of the neighbouring cells, so those rise, too, and *the
-# next cell $s'$ is a neighbour*. But $y$ is computed from the values of $s'$. So by moving towards
-# the target, the network has pushed the target away. Next time it takes a longer step, and pushes
+# next cell $s'$ is a neighbour*. But $y$ is computed from the values of $s'$, so by moving towards
+# the target the network has pushed the target away. Next time it takes a longer step, and pushes
 # harder.
 #
 # Three things have come together: a network that generalises, targets made from its own estimates
@@ -235,15 +236,15 @@ ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# With $\tau=0.05$ all three runs settle. Are their values right?
+# All three runs settle. Are their values right?
 
 # %%
 values = [online(CELLS).detach().amax(1).view(4, 4) for online, _ in calm]
 draw_maps({"table": table(300), "network": values[0], "another": values[1]}, numbers=True)
 
 # %% [markdown]
-# They nearly are, even in cell (1, 1), which the networks never saw. Only the device's own cell is
-# far off, because no step starts there.
+# The values are nearly right, even in cell (1, 1), which the networks never saw. Only the device's
+# own cell is far off, because no step starts there.
 #
 # ## 6.4 Exploring
 #
@@ -272,7 +273,7 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 axes[0].set_ylabel("probability");
 
 # %% [markdown]
-# With a low β the agent nearly always takes one of the best actions, with a high β almost any.
+# With a low β the agent nearly always takes one of the best actions; with a high β, almost any.
 # After training it always takes the best action, which is the **greedy policy** (eq. 9).
 #
 # The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
@@ -320,8 +321,8 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 #
 # No constant can correct the bias, because it is not the same everywhere: it is large where several
 # actions are almost equally good and their values uncertain, and nearly 0 where one action is
-# clearly the best. So it does not cancel when states are compared, and it draws the agent to states
-# about which it knows little.
+# clearly the best. The bias therefore does not cancel when states are compared, and draws the agent
+# to states about which it knows little.
 #
 # A deep network with double Q-learning is a *double deep Q-network*, or **DDQN**.
 #

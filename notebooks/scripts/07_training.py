@@ -112,9 +112,10 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # that are always the same, and always takes the best action, without exploring (eq. 9). Validation
 # also chooses the agent, because a run keeps the version that did best in a validation. Such a
 # choice is partly luck, and the largest of many scores is on average too high, like the maximum in
-# 6.5. So the final score of an agent comes from a third set of missions, the *test*. The sets for
-# training, validation and test have no mission in common. In validation and test, a *seed*, the
-# number that starts the stream of random numbers, makes every agent fly the same missions.
+# 6.5. Therefore the final score of an agent comes from a third set of missions, the *test*. The
+# sets for training, validation and test have no mission in common. In validation and test, a
+# *seed*, the number that starts the stream of random numbers, makes every agent fly the same
+# missions.
 
 # %%
 def draw(ax, rows, title):
@@ -129,9 +130,9 @@ draw(ax, trainer.validation_rows, "the village")
 
 # %% [markdown]
 # Some untrained agents (step 0) bring nothing home. Others wait near the start and then land, which
-# in so small a village brings in up to half of the data. So look not at where a curve starts but at
-# how far it rises, above all the curve of **collected and landed**. To watch networks learn in this
-# village, open the lab *Watch* (`python -m uavdh_lite app`).
+# in so small a village brings in up to half of the data. Look, therefore, not at where a curve
+# starts but at how far it rises, above all the curve of **collected and landed**. To watch networks
+# learn in this village, open the lab *Watch* (`python -m uavdh_lite app`).
 
 # %%
 last = trainer.validation_rows[-1]
@@ -296,15 +297,15 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 
 # %% [markdown]
 # In the picture `plain` rises after fewer steps than `lite`. But it makes many more updates for
-# each step, and it explores less, because β is 0.1 throughout. So the picture compares steps and
-# not work, and it does not show where `plain` would end.
+# each step, and it explores less, because β is 0.1 throughout. The picture therefore compares steps
+# and not work, and it does not show where `plain` would end.
 #
 # ## Recap
 #
 # - Training is a loop: act, step, add, sample, update. The agent makes its own data.
 # - In a validation the agent flies missions that training never uses, and always takes the best
 #   action.
-# - Look at landed and collected together. The loss tells you least.
+# - Look at **landed** and **collected** together. The loss tells you least.
 # - With a large crash penalty from the start an agent may become lazy, and without one it has
 #   hardly any reason to come home.
 #

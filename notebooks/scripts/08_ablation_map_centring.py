@@ -54,7 +54,7 @@ for name, recipe in centring(LITE).items():
     print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
 
 # %% [markdown]
-# Both networks get 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they are
+# Both networks get 31 × 31 cells, because the city in place gets a rim of no-fly cells, and are
 # equally large, except that the city in place needs one more layer to show the UAV: 246,006 weights
 # with the centred map, 246,406 without.
 #
@@ -63,17 +63,18 @@ for name, recipe in centring(LITE).items():
 #
 # ## 8.2 The paper's figure
 #
-# The figure at the top has the same form as the paper's. Each point is a bin of 5000 steps of
-# training flights. Each line is the mean of three runs, and the pale band around it holds 99 % of
-# their values.
+# The figure at the top has the same form as the paper's. Each point is a mean over the training
+# flights in a bin of 5000 steps. Each line is the mean of three runs, and the pale band around it
+# holds 99 % of their values.
 #
 # With three values, that band reaches almost from the smallest to the largest, and a fourth run
 # would fall outside it half of the time.
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good
 # part of the time, but on the right they do better. They collect more, but until about 250,000
-# steps they also crash more often, exploring or not, and each crash costs 150. So say which measure
-# you mean. (In the paper's picture of the reward the centred agents are ahead; in ours only later.)
+# steps they also crash more often, exploring or not, and each crash costs 150. Always say which
+# measure you mean. (In the paper's picture of the reward the centred agents are ahead; in ours only
+# later.)
 #
 # Exploring hides part of what an agent can do. Here are the validations of these six runs, without
 # exploring.
@@ -181,7 +182,7 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 # ### Baselines
 #
 # Our agent brought home 97 % of the data in notebook 0. Is that good? The paper's brought home
-# 94.6 %, but over another map. So we need *baselines*, other pilots that fly the same missions.
+# 94.6 %, but over another map, so we need *baselines*, other pilots that fly the same missions.
 # Here are `random`, `greedy` and the agent in 1000 other missions:
 
 # %%

@@ -80,7 +80,7 @@ figure
 # of steps. In principle such an agent could learn even in a place whose channel nobody can write
 # down, if it could fly there millions of times, crashes included. In practice one trains in a
 # simulator, possibly with a model of the channel that was fitted to measurements (notebook 14). For
-# *our* city, however, the channel can be computed. So let us give the agent what we know, one gift
+# *our* city, however, the channel can be computed, so let us give the agent what we know, one gift
 # after the other.
 #
 # ## 9.2 Guarantee
@@ -113,8 +113,8 @@ assert flights.end.landed.all()
 # makes a step longer. (With wind, a move would sometimes end in another cell. Random gusts leave
 # the problem an MDP, but a wind that lasts belongs in the state. The failsafe would have to turn
 # back earlier, and even so it would work only with a certain probability.) What a rule guarantees
-# need not be learned, and no crash of −150 disturbs the Q-values any more. So from here on "landed
-# 100 %" is no achievement of the agent, and we shall look at the return.
+# need not be learned, and no crash of −150 disturbs the Q-values any more. From here on, therefore,
+# "landed 100 %" is no achievement of the agent, and we shall look at the return.
 #
 # ## 9.3 Tell
 #
@@ -169,8 +169,8 @@ figure
 # damage (notebook 12). And the genie itself is not perfect: it plans without fading, so it does not
 # reckon with luck. Reward can teach what the genie does not know.
 #
-# So the agent now learns from its own flights. It flies each mission several times, drawing its
-# actions from its probabilities, and compares the return of each flight with the mean of the
+# The agent therefore now learns from its own flights. It flies each mission several times, drawing
+# its actions from its probabilities, and compares the return of each flight with the mean of the
 # others. The actions of a flight that was better than the mean become more likely, and the actions
 # of a flight that was worse become less likely:
 #
@@ -184,8 +184,8 @@ figure
 # learn what each state is worth, and measure $A$ against that (**actor–critic**). (Our program also
 # limits, as PPO does, how far a set of flights may change a probability.) Ours and PPO are
 # on-policy: they can learn only from flights of the present agent, because those of an older agent
-# were drawn from other probabilities. So they use a flight once or a few times and throw it away,
-# whereas DDQN learns from a stored step again and again. That should make DDQN more
+# were drawn from other probabilities. Hence they use a flight once or a few times and throw it
+# away, whereas DDQN learns from a stored step again and again. That should make DDQN more
 # **sample-efficient**, which counts where steps are expensive. (Some actor–critic methods, such as
 # the SAC of 4.4, are off-policy, because they learn Q-values.)
 #
@@ -214,9 +214,9 @@ for name, values in ladder.items():
 # | copy | a planner, that is, all equations and a search | be expected to beat its teacher |
 # | learn on | nothing but the reward | learn quickly from nothing: few flights of a random agent are good, and each is used only once or a few times |
 #
-# So the order of the pilots on the ladder does not mean that good methods beat bad ones. The pilots
-# differ in what they were told, and *a comparison is fair only between pilots that were told the
-# same*. Greedy knows the street map and the shortest routes. The genie knows every rate without
+# Thus the order of the pilots on the ladder does not mean that good methods beat bad ones. The
+# pilots differ in what they were told, and *a comparison is fair only between pilots that were told
+# the same*. Greedy knows the street map and the shortest routes. The genie knows every rate without
 # fading. The DDQN agent knows the map but no rule.
 #
 # Even the genie does not collect everything, for the reasons of 3.4. **So do not expect 100 % of
@@ -278,7 +278,7 @@ for name, each in flown.items():
 # the next mission. One agent **for all missions** has paid for its search once, in training, and
 # decides in about a hundredth of a second wherever it is put. A network for a single mission would
 # lie in between: it would have less to learn and might fly that mission a little better, but each
-# new mission would need another training run. So the price of one network for all is longer
+# new mission would need another training run. The price of one network for all, then, is longer
 # training, with weights that have to serve every mission.
 #
 # Could the agent fly a real UAV? What separates a simulator from the street is called the

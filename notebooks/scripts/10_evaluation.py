@@ -178,7 +178,7 @@ for count in (995, 999, 1000):
 # landings it says that the share is at least 99.6 %.
 #
 # Is an agent with 999 landings safer than one with 995? Together they crashed six times. If both were equally safe, each crash would be
-# a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
+# a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five, so the difference proves nothing.
 #
 # Scores that are more than a yes or no, such as *collected*, get their intervals from notebook 8's bootstrap. Either kind of interval covers
 # luck in the missions, but not luck in training. For a claim about a *method*, the sample has to consist of training runs.
@@ -212,8 +212,8 @@ for city, results in cities.items():
 # %% [markdown]
 # Over Manhattan, greedy is ahead in both scores, and neither interval contains 0. Over the open
 # field, greedy brings home one percentage point more, but the agent's return is higher because it
-# wastes less time, whereas greedy stays for the last unit of data at any cost. So which of them is
-# better depends on the question that you ask.
+# wastes less time, whereas greedy stays for the last unit of data at any cost. Which of them is better therefore depends on the question
+# that you ask.
 #
 # ## 10.4 The best of many checkpoints
 #
@@ -266,8 +266,8 @@ figure
 # what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings home
-# 98 to 99 %. So hard missions are hard for both, and it is in the easy ones that the agent falls behind greedy. With eight groups in one
-# figure, treat any single one as no more than a hint.
+# 98 to 99 %. Hard missions, then, are hard for both, and it is in the easy ones that the agent falls behind greedy. With eight groups in
+# one figure, treat any single one as no more than a hint.
 #
 # ## 10.6 Failures, one by one
 #
@@ -314,15 +314,14 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
 
 # %% [markdown]
 # One mission in thirty accounts for nearly half of the loss. The rest is spread thinly over almost
-# one mission in four, and in most missions nothing is lost. So a mean of 96 % does not stand for a
-# thousand flights that bring home 96 % each. Most flights are as good as the genie's, and a few are
-# bad.
+# one mission in four, and in most missions nothing is lost. A mean of 96 % therefore does not stand for a thousand flights that bring
+# home 96 % each. Most flights are as good as the genie's, and a few are bad.
 #
 # ## 10.7 How many missions does a claim need?
 #
-# An interval shrinks with the square root of the number of missions, so halving it takes four times as many. If $\sigma$ is the
-# standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes
-# $n = (1.96\,\sigma/h)^2$ missions. Say you want to know greedy's lead over the agent to within half a percentage point:
+# An interval shrinks with the square root of the number of missions, so halving it takes four times as many missions. If $\sigma$ is the
+# standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes $n = (1.96\,\sigma/h)^2$
+# missions. Say you want to know greedy's lead over the agent to within half a percentage point:
 
 # %%
 for name, results in cities.items():

@@ -75,15 +75,14 @@ for variant, size in SIZES.items():
 # runs bring home 46 to 81 % of the data: two of them end far below all others, and the third does
 # only about as well as the worst of the runs with 4,000 steps.
 #
-# All runs make the same number of updates, and each update draws the same number of steps. So what does a small memory lack?
+# All runs make the same number of updates, and each update draws the same number of steps. What, then, does a small memory lack?
 #
 # ## 11.2 How old are the drawn steps?
 #
 # A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the
-# oldest. The recipe has 16 UAVs, which fly their missions side by side. Whenever all 16 have made a
-# step, there is one update, which draws 64 steps from the memory. So a step is drawn $64/16 = 4$
-# times on average before it is forgotten. That holds for a memory of any size, because a larger one
-# keeps a step longer but draws it less often.
+# oldest. The recipe has 16 UAVs, which fly their missions side by side. Whenever all 16 have made a step, one update draws 64 steps from
+# the memory, so a step is drawn $64/16 = 4$ times on average before it is forgotten. That holds for a memory of any size, because a larger
+# one keeps a step longer but draws it less often.
 #
 # What the size does change is how *old* the drawn steps are. A memory of 250 steps holds about the
 # last 16 steps of each of the 16 UAVs, which is less than a flight. A memory of 40,000 steps holds
@@ -206,9 +205,8 @@ figure
 #
 # Now look at the right side. By the end the small memory is ahead on average, though some runs
 # overlap. It holds only steps of far missions, whereas even at the end, half of the steps drawn
-# from the large one come from near missions. So with a large memory, a network remembers what is no
-# longer flown, but is slow to adapt when the world changes. **Combined replay**, which puts the
-# newest step into every minibatch, shortens this delay.
+# from the large one come from near missions. With a large memory, therefore, a network remembers what is no longer flown, but is slow to
+# adapt when the world changes. **Combined replay**, which puts the newest step into every minibatch, shortens this delay.
 #
 # **Prioritised replay** goes further, and draws steps with a large error more often than others. But a Q-value
 # is a mean over good and bad luck, and if lucky steps, for example, are drawn too often, that mean shifts.
@@ -264,9 +262,9 @@ def between(state, size):
     return torch.from_numpy(rows[:, :, None] & cols[:, None, :])
 
 # %% [markdown]
-# A hole in the map may change the Q-values wherever it is, just because it is unusual. So we need a
-# **control**: the same rectangle on the *other* side of the UAV. We count only states that have at
-# least as many buildings there as in the first rectangle. Here is an example:
+# A hole in the map may change the Q-values wherever it is, just because it is unusual. We therefore need a **control**: the same rectangle
+# on the *other* side of the UAV. We count only states that have at least as many buildings there as in the first rectangle. Here is an
+# example:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -328,11 +326,10 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 
 # %% [markdown]
 # The untrained networks hardly notice. Both trained ones expect more reward when any buildings
-# disappear, and the rise is clearly larger when those buildings were in the way. So they have
-# learned from rewards that buildings *between* the UAV and a device cost data, and they look for
-# such buildings. One doubt is left: the control lies not only on the other side of the UAV, but
-# also farther from the *device* than the orange rectangle. If the networks value open space around
-# a device for some reason other than shadows, that could explain part of the difference.
+# disappear, and the rise is clearly larger when those buildings were in the way. The networks have therefore learned from rewards that
+# buildings *between* the UAV and a device cost data, and they look for such buildings. One doubt is left: the control lies not only on the
+# other side of the UAV, but also farther from the *device* than the orange rectangle. If the networks value open space around a device for
+# some reason other than shadows, that could explain part of the difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are
 # worth: 3 % of their value over Manhattan and 15 % over the open field. In three or four states out

@@ -237,8 +237,8 @@ Quiz("why_own_starts")
 #
 # The genie plans with mean rates, so it does not allow for luck. And a copy makes errors that no further examples from the genie's
 # own flights would correct. Learning from reward needs neither a teacher nor a formula, because all that counts is how good a flight
-# was. So the shipped agents that copy go on to learn from reward afterwards. They draw their actions from $\pi$, and fly each mission
-# eight times:
+# was. Therefore the shipped agents that copy go on to learn from reward afterwards. They draw their actions from $\pi$, and fly each
+# mission eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages

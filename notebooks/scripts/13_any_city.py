@@ -94,8 +94,8 @@ both = sum(city.fingerprint in learned for city in unseen)
 print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
 
 # %% [markdown]
-# That is what *unseen* means here: other cities, but from the same generator (**in distribution**). The word promises
-# nothing about cities that this generator would never draw.
+# Here *unseen* means other cities, but from the same generator (**in distribution**). The word promises nothing about cities that this
+# generator would never draw.
 #
 # ## 13.2 Is one network enough?
 #
@@ -142,8 +142,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("centred_in_a_new_city")
 
 # %% [markdown]
-# The effect of centring was also measured with version 0.1.0 and three seeds for each frame: in new cities, networks that saw
-# the map in place brought home about half as much as networks that saw it centred, although both had learned in 2000 cities.
+# An earlier version of this program, 0.1.0, measured the effect of centring with three seeds for each frame: in new cities, networks
+# that saw the map in place brought home about half as much as networks that saw it centred, although both had learned in 2000 cities.
 # The runs are in the table that 13.4 reads.
 #
 # ## 13.3 Draw your own
@@ -186,9 +186,9 @@ play(own.environment, flight.trajectory(0))
 # Does an agent do better in the cities that it learned in than in new ones? If it does, it has learned some of those cities by
 # heart, and more cities would help.
 #
-# To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or 2000
-# cities, with three seeds for each number of cities and 200,000 steps for each network. Each flew 500 missions over the cities that it
-# had learned in, and 500 more over 300 other cities. Because the two sets of cities are not equally hard, greedy flies the same
+# To see an agent learn by heart, give it fewer cities. Twelve networks of that earlier version learned from reward in 1, 10, 100 or
+# 2000 cities, with three seeds for each number of cities and 200,000 steps for each network. Each flew 500 missions over the cities
+# that it had learned in, and 500 more over 300 other cities. Because the two sets of cities are not equally hard, greedy flies the same
 # missions, and each network is compared with it:
 
 # %%
@@ -269,7 +269,7 @@ for what, groups in (("missions", None), ("cities", flown.start.city)):
 # The second interval is clearly wider. Which one is right? If you want to know about these twelve
 # cities, take the first. If you want to know about *cities in general*, take the second, because
 # next time twelve others will be drawn. If each mission had a city of its own, the two intervals
-# would be the same. So if you can choose, take many cities, with few missions in each.
+# would be the same. If you can choose, therefore, take many cities, with few missions in each.
 
 # %%
 Quiz("draw_cities_again")
@@ -285,9 +285,9 @@ print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
 # Read the interval, and not only the mean: the interval is several points wide, although there were a hundred
-# cities. In 3000 other missions over 300 cities the lead was only 0.6 points, and its interval reached below
-# 0 ([the results](../docs/results/four_ways.md)). So these hundred cities probably suited the agent better
-# than most. To tell so small a lead from luck, even 3000 missions are too few.
+# cities. In 3000 other missions over 300 cities the lead was only 0.6 points, and its interval reached below 0 ([the
+# results](../docs/results/four_ways.md)), so these hundred cities probably suited the agent better than most. To tell so small a lead
+# from luck, even 3000 missions are too few.
 #
 # ## 13.6 Where it fails
 #
@@ -373,7 +373,7 @@ figure
 # - The more cities there are to learn in, the closer the scores over seen and unseen cities come to each other.
 # - *Unseen* means little until you say where the cities come from, so name their source whenever you report a number for unseen cities.
 # - Missions in one city share its walls. For a claim about cities, resample whole cities.
-# - Testing for a property that every right answer must have finds errors even where nobody knows the answers.
+# - If you test for a property that every right answer must have, you find errors even where nobody knows the answers.
 #
 # ## Exercises
 #

@@ -84,18 +84,18 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 #
 # A **ray tracer** computes each link separately. It sends a million rays from the device. Walls and the ground reflect a ray,
 # with a loss that depends on the material, and an edge can bend it (**diffraction**). The tracer then adds up, cell by cell,
-# what arrives at the UAV's height. The received power divided by the power that was sent is the **path gain**; in dB it is the
-# path loss with its sign reversed. We have a table of gains, `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground
-# and 8.5 m above the devices.
+# what arrives at the UAV's height. The received power divided by the transmitted power is the **path gain**; in dB it is the path loss with
+# its sign reversed. We have a table of gains, `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground and 8.5 m above the
+# devices.
 #
 # In our tables a ray has up to five reflections or one diffraction, and none goes through a wall. Powers are averaged over the UAV's cell, and added
 # without their phases, so there is no small-scale fading. We also fly without $\eta$ in the ray-traced world, so the two worlds differ in fading,
 # too. ([The results](../docs/results/real_city.md) give all settings.)
 #
 # To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's model.
-# So in sight, the two models' *mean SNRs in dB* agree by construction, and the comparison tests *where* the signal goes. At a
-# bandwidth of 1 MHz, these SNRs need only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its hidden
-# links would carry data (14.3).
+# In sight, therefore, the two models' *mean SNRs in dB* agree by construction, and the comparison tests *where* the signal goes. At a
+# bandwidth of 1 MHz, these SNRs need only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its hidden links
+# would carry data (14.3).
 #
 # Take a device in a street in the west, and draw its rate to a UAV over every cell, under both models. **Before you run the
 # cell:** where will the two maps differ most?
@@ -161,11 +161,11 @@ for kind, state in kinds.items():
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB or more, and for a third of them the tracer finds no path.
 # - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
-#   slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 30 to 50 m. Such fading belongs to the
-#   place: fly by again, and the link is as bad as before. So it is a *map*, which could be learned.
+#   slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 30 to 50 m. Such fading belongs to the place: fly by
+#   again, and the link is as bad as before. It is therefore a *map*, which could be learned.
 #
-# Is the model bad, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So compare the
-# rates:
+# Is the model bad, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. Let us
+# therefore compare the rates:
 
 # %%
 from uavdh_lite.channel import rate
@@ -194,9 +194,9 @@ figure.colorbar(picture, ax=figure.axes, label=label, extend="both")
 figure
 
 # %% [markdown]
-# In violet cells the UAV hears more than the model promises, in orange ones less. In sight, the model's line is steeper than that of the rays, but has
-# the same mean. So up to 40 m, where most of the data is collected, the rays bring a sixth less than the model promises, and beyond 70 m nearly half as
-# much again.
+# In violet cells the UAV hears more than the model promises; in orange cells, less. In sight, the model's line is steeper than that of the
+# rays, but has the same mean. Therefore, up to 40 m, where most of the data is collected, the rays bring a sixth less than the model
+# promises, and beyond 70 m nearly half as much again.
 #
 # Behind buildings, next to corners, the rays bring *more* than the model promises. Nine tenths of this surplus comes from links
 # that are at most 3 dB below free space. Our shadow map calls them hidden, but the device is in view, past a wall that does not
@@ -266,9 +266,9 @@ for place in (*places, None):
 # ## 14.5 World and belief
 #
 # The agent does not measure the channel. It is *told*: one layer of its map says how much data a unit of time would bring over
-# each cell (notebook 12). Even in the ray-traced world, that layer is computed from the **paper's model**. So there are two
-# channels. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`. The
-# **belief** says what the agent expects: it is the environment from which its observation is computed, here `model`.
+# each cell (notebook 12). Even in the ray-traced world, that layer is computed from the **paper's model**. There are therefore two
+# channels. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`. The **belief** says
+# what the agent expects: it is the environment from which its observation is computed, here `model`.
 #
 # Now change only the belief. At one extreme, the agent is told the world's own table, which only a genie could know. At the other, it is told
 # silence: that no data can be collected anywhere.

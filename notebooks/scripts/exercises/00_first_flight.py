@@ -47,8 +47,8 @@ from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission,
 #
 # <details><summary>Hint</summary>
 #
-# A data unit counts the same whichever device it comes from. So what is divided by what? And when
-# is the score 0, whatever was collected?
+# A data unit counts the same whichever device it comes from. What, then, is divided by what? And
+# when is the score 0, whatever was collected?
 # </details>
 #
 # <details><summary>Another hint</summary>

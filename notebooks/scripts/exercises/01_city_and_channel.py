@@ -137,7 +137,7 @@ def mean_rate(snr_db, variance_db2, draws, generator):
 checks.mean_rate(mean_rate)
 
 # %% [markdown]
-# As a function of decibels the rate bends upwards everywhere, and most at 0 dB. So lucky draws gain
-# more than unlucky ones lose, and fading helps. Far above 0 dB the rate is almost a straight line, and
-# fading changes next to nothing. Far below 0 dB fading adds only a little data, but that little is a
-# large share of what there is.
+# As a function of decibels the rate bends upwards everywhere, and most at 0 dB, so lucky draws gain
+# more than unlucky ones lose, and fading helps. Far above 0 dB the rate is almost a straight line,
+# and fading changes next to nothing. Far below 0 dB fading adds only a little data, but that little
+# is a large share of what there is.

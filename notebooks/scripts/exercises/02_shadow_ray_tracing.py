@@ -87,13 +87,13 @@ checks.crosses(crosses)
 # %% [markdown]
 # ## 2.2 · A shadow map (2 points, 10 minutes)
 #
-# A city has M×M cells; `buildings` is a Boolean array (M, M), indexed `[row, col]`. A device stands
-# in the cell `device`, a pair `(row, col)`. The function `blocked(buildings, device, cell)` follows
-# one ray: it says whether the link between the device and a UAV over `cell` is blocked, by the
+# A city has M×M cells; `buildings` is a Boolean array of shape (M, M), indexed `[row, col]`. A device
+# stands in the cell `device`, a pair `(row, col)`. The function `blocked(buildings, device, cell)`
+# follows one ray: it says whether the link between the device and a UAV over `cell` is blocked, by the
 # rules of the notebook.
 #
-# Make the shadow map of the device: a new Boolean array (M, M) that is True in each cell where the
-# link is blocked.
+# Make the shadow map of the device: a new Boolean array of shape (M, M) that is True in each cell
+# where the link is blocked.
 #
 # <details><summary>Hint</summary>
 #

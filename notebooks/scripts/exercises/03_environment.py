@@ -42,9 +42,9 @@ from uavdh_lite.channel import rate
 # SNR. It uploads as much as the slot carries, `rate(snr_db)` data units, but no more than it has
 # left. There are K ≥ 1 devices.
 #
-# - `snr_db`: array (K,), the SNR of each device in this slot, in dB; often negative, and no two are
-#   equal
-# - `data_left`: array (K,), the data units that each device has left, 0 or more
+# - `snr_db`: array of shape (K,), the SNR of each device in this slot, in dB; often negative, and
+#   no two are equal
+# - `data_left`: array of shape (K,), the data units that each device has left, 0 or more
 #
 # Return two numbers: the device that is served, an index from 0 to K − 1, and the data units that
 # it uploads. If no device has data left, return −1 and 0. Leave the two arrays as they are.
@@ -141,7 +141,7 @@ checks.rewards_by_hand(rewards_by_hand)
 # - if it is `land`, and the UAV is not over the landing zone.
 #
 # A UAV that hovers or lands stays in its cell. The number M is `city.size`, and the city has three
-# Boolean layers (M, M), indexed `[row, col]`:
+# Boolean layers of shape (M, M), indexed `[row, col]`:
 #
 # - `city.landing`: the landing zone
 # - `city.no_fly`: where the UAV may not fly, that is, no-fly zones and tall buildings
@@ -153,8 +153,8 @@ checks.rewards_by_hand(rewards_by_hand)
 #
 # <details><summary>Hint</summary>
 #
-# There are three kinds of actions. Hovering is always allowed, landing depends on one layer, and a
-# move needs two questions about its target cell, in the right order.
+# There are three kinds of actions. Hovering is always allowed, landing depends on one layer, and
+# for a move you have to ask two questions about the target cell, in the right order.
 # </details>
 #
 # <details><summary>Another hint</summary>

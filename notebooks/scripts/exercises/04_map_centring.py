@@ -39,14 +39,14 @@ from uavdh_lite.course import checks
 # Centre one layer of the map, for one UAV. Use numpy as you like, but try to do without the
 # library's `Observation`, because doing its work yourself is the point of the exercise.
 #
-# - `layer`: an array (M, M) of numbers or Booleans, indexed `[row, col]`
+# - `layer`: an array of numbers or Booleans, of shape (M, M), indexed `[row, col]`
 # - `uav`: a pair `(row, col)`, the cell that the UAV is over
 # - `outside`: the value of all places outside the city. It is 1 for the no-fly layer and 0 for the
 #   other layers, but your function must work for any number
 #
-# Return the centred map, a new array (2M − 1, 2M − 1): the layer, shifted so that the UAV's cell is
-# in the middle, and `outside` everywhere else. Fractions must not be lost, either in the layer
-# (there may be 7.5 data units left) or in `outside`.
+# Return the centred map, a new array of shape (2M − 1, 2M − 1): the layer, shifted so that the
+# UAV's cell is in the middle, and `outside` everywhere else. Fractions must not be lost, either in
+# the layer (there may be 7.5 data units left) or in `outside`.
 #
 # <details><summary>Hint</summary>
 #
@@ -86,15 +86,16 @@ checks.centre(centre)
 #   empty
 # - `data`: an array with the data that each device has left
 #
-# Return an array (2M − 1, 2M − 1) that holds the data of each device at the device's place *as seen
-# from the UAV*, which is in the middle, and 0 everywhere else.
+# Return an array of shape (2M − 1, 2M − 1) that holds the data of each device at the device's place
+# *as seen from the UAV*, which is in the middle, and 0 everywhere else.
 #
 # How does the shape of your answer depend on the number of devices? That is the point of the
 # exercise.
 #
 # <details><summary>Hint</summary>
 #
-# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does a device lie that is one row south of the UAV?
+# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does a device one row
+# south of the UAV lie?
 # </details>
 #
 # <details><summary>Another hint</summary>

@@ -83,7 +83,7 @@ checks.fitted_line(fit)
 # A convolution moves a small window over the map. Compute the output of one kernel for one layer of
 # the map, without padding and with stride 1.
 #
-# - `layer`: an array (rows, columns) of numbers
+# - `layer`: an array of numbers, of shape (rows, columns)
 # - `kernel`: an array of numbers, not larger than the layer; it need not be square
 # - `bias`: a number
 #
@@ -101,8 +101,8 @@ checks.fitted_line(fit)
 # <details><summary>Another hint</summary>
 #
 # A kernel of h rows and w columns fits at rows − h + 1 places from top to bottom, and at columns −
-# w + 1 places from left to right. At (i, j) the window is layer[i : i + h, j : j + w]; its value
-# is (window * kernel).sum() + bias, or 0 if that is negative.
+# w + 1 places from left to right. At (i, j) the window is layer[i : i + h, j : j + w]; the output
+# there is (window * kernel).sum() + bias, or 0 if that is negative.
 # </details>
 
 # %%
@@ -126,7 +126,7 @@ checks.convolve(convolve)
 # ## 5.3 · How many weights? (3 points, 15 minutes)
 #
 # The Q-network takes the centred map of a city with M×M cells, and the flying time that is left. It
-# gives one Q-value for each of the six actions. These are its parts, in order:
+# gives one Q-value for each of the six actions. These are the network's parts, in order:
 #
 # - convolutions, one for each number in `strides`, each with `kernels` kernels of
 #   `kernel_size`×`kernel_size` cells. A kernel sees all the layers that its convolution is given:
@@ -156,7 +156,7 @@ checks.convolve(convolve)
 # 27 + 56 + 30 = 113. If there were a second convolution, it would see these 3 layers, not the
 # 2 of the map.
 #
-# Try to do this with plain arithmetic and without torch, because counting is the point of the
+# Try to do the count with plain arithmetic and without torch, because counting is the point of the
 # exercise. For the paper's network in a city with M = 16 the result is 2,308,854.
 #
 # <details><summary>Hint</summary>

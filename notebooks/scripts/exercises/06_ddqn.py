@@ -114,17 +114,17 @@ checks.learned_table(learn_table)
 # | --- | --- |
 # | a layer of 4 neurons, each of which is given 2 numbers | `layer = nn.Linear(2, 4)` |
 # | layers one after the other | `network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))` |
-# | asks a network about 5 examples, one in each row: (5, 4) | `q = network(torch.rand(5, 2))` |
-# | the entry in column `a[k]` of each row k: (5,) | `a = torch.tensor([0, 3, 1, 1, 2]); taken = q[torch.arange(5), a]` |
-# | the same as a column: (5, 1) | `taken = q.gather(1, a[:, None])` |
-# | the largest of each row: (5,), or as a column (5, 1) | `q.amax(dim=1), q.amax(dim=1, keepdim=True)` |
+# | asks a network about 5 examples, one in each row; the result has shape (5, 4) | `q = network(torch.rand(5, 2))` |
+# | the entry in column `a[k]` of each row k, of shape (5,) | `a = torch.tensor([0, 3, 1, 1, 2]); taken = q[torch.arange(5), a]` |
+# | the same as a column, of shape (5, 1) | `taken = q.gather(1, a[:, None])` |
+# | the largest of each row, of shape (5,), or as a column, of shape (5, 1) | `q.amax(dim=1), q.amax(dim=1, keepdim=True)` |
 # | computes something through which no gradient flows | `with torch.no_grad(): y = network(torch.rand(5, 2))` |
 # | a second network with the same weights | `import copy; other = copy.deepcopy(network)` |
 # | 16 kernels of 3 × 3 over 5 layers, moved 2 cells at a time | `convolution = nn.Conv2d(5, 16, 3, stride=2)` |
-# | turns each example's maps into one row of numbers: (8, 784) | `rows = nn.Flatten()(convolution(torch.rand(8, 5, 15, 15)))` |
+# | turns each example's maps into one row of numbers; the result has shape (8, 784) | `rows = nn.Flatten()(convolution(torch.rand(8, 5, 15, 15)))` |
 #
-# Mind the shapes. If you subtract numbers in a column, (5, 1), from numbers in a row, (5,), you get
-# a table of 5 × 5, and nothing warns you.
+# Mind the shapes. If you subtract numbers in a column, of shape (5, 1), from numbers in a row, of
+# shape (5,), you get a table of 5 × 5, and nothing warns you.
 #
 # A network that is not simply one layer after the other is written as a class. `super().__init__()`
 # must come first, so that PyTorch finds the layers; `forward` is what happens when the network is
@@ -160,12 +160,12 @@ print(memory[:3])
 # - `memory`: a tensor like the one above; `gamma`: $\gamma$
 # - `updates`: the number of steps of gradient descent
 #
-# Return the network. Called with a tensor of cells, $(B, 2)$, it should give their Q-values, $(B,
-# 4)$. One hidden layer of 64 units with ReLU, Adam with a learning rate of 0.01 and minibatches of
-# 32 random rows work well. The loss is the mean of $(y - Q(s, a))^2$ (paper, eq. 7), where $Q(s,
-# a)$ belongs to the action that was taken and $y = r + \gamma \max_{a'} Q(s', a')$ comes from the
-# **same** network; at the end of an episode, $y = r$. The target is a fixed number: no gradient
-# flows through it.
+# Return the network. Called with a tensor of cells, of shape $(B, 2)$, it should give their
+# Q-values, of shape $(B, 4)$. One hidden layer of 64 units with ReLU, Adam with a learning rate of
+# 0.01 and minibatches of 32 random rows work well. The loss is the mean of $(y - Q(s, a))^2$
+# (paper, eq. 7), where $Q(s, a)$ belongs to the action that was taken and
+# $y = r + \gamma \max_{a'} Q(s', a')$ comes from the **same** network; at the end of an episode, $y = r$. The target is a
+# fixed number: no gradient flows through it.
 #
 # The check uses only small values of $\gamma$. When your answer is right, it shows what such
 # a network does with $\gamma = 0.95$.
@@ -229,7 +229,7 @@ checks.learned_network(learn_network)
 #   `sample` is never called on an empty memory.
 #
 # An item is a tuple with any content; return the very tuples that were added. Adding should not
-# take longer when the memory is large. So try to do without shifting all items by one place, which
+# take longer when the memory is large, so try to do without shifting all items by one place, which
 # is what `pop(0)` does; avoiding this is the point of a ring.
 #
 # <details><summary>Hint</summary>
@@ -350,15 +350,15 @@ checks.learned_calmly(learn_calmly)
 # %% [markdown]
 # ## 6.5 · The double-DQN target (2 points, 10 minutes)
 #
-# The function below is wrong in two ways. Mend it. It should return a tensor $(B,)$, the targets
-# $y$ of a minibatch of $B$ transitions from a state to the next state $s'$:
+# The function below is wrong in two ways. Mend it. It should return a tensor of shape $(B,)$, the
+# targets $y$ of a minibatch of $B$ transitions from a state to the next state $s'$:
 #
-# - `reward`: $(B,)$ floats, the reward $r$ of the transition
-# - `terminal`: $(B,)$ bools, whether the episode ended with that transition; if so, there is no
-#   next state, and the Q-values given for it mean nothing
+# - `reward`: floats of shape $(B,)$, the reward $r$ of the transition
+# - `terminal`: bools of shape $(B,)$, whether the episode ended with that transition; if so, there
+#   is no next state, and the Q-values given for it mean nothing
 # - `discount`: the number $\gamma$
-# - `online_next`, `target_next`: $(B, 6)$ floats, the Q-values of $s'$ according to the online and
-#   the target network
+# - `online_next`, `target_next`: floats of shape $(B, 6)$, the Q-values of $s'$ according to the
+#   online and the target network
 #
 # $$y = r + \gamma\, Q_{\bar\theta}\big(s', \arg\max_{a'} Q_\theta(s', a')\big) \qquad \text{(paper, eq. 8)}$$
 #

@@ -84,7 +84,7 @@ print("a batch of", len(pair))
 # 6. the **target network** follows
 #
 # Return a function `q_values(state)` that gives the Q-values of all six actions for a batch of
-# states, as a tensor $(B, 6)$.
+# states, as a tensor of shape $(B, 6)$.
 #
 # This is what worked for us: a convolution of 16 kernels of 3 × 3 with stride 2, then 64 units; a
 # minibatch of 64 and a ring of 20,000; no learning in the first hundred rounds; Adam with a
@@ -96,10 +96,11 @@ print("a batch of", len(pair))
 # The check trains your agent for 2000 rounds, in about half a minute, and flies it through 500
 # missions, always taking its best action. Your agent passes if its *collected and landed* is at
 # least 20 percentage points above that of random flying (11 %), and if it has learned that nothing
-# follows the end of an episode. So passing means that your agent learns, and not that everything is
-# right: with three seeds, our solution reached 50, 72 and 63 %. Before training, a network like
-# ours mostly lands at once or never, so it collects and lands 0 to 12 %. `REWARDS` counts 1 for
-# each data unit, −0.1 for each step, −1 where the safety controller steps in, and −20 for a crash.
+# follows the end of an episode. Passing therefore means that your agent learns, and not that
+# everything is right: with three seeds, our solution reached 50, 72 and 63 %. Before training, a
+# network like ours mostly lands at once or never, so it collects and lands 0 to 12 %. `REWARDS`
+# counts 1 for each data unit, −0.1 for each step, −1 where the safety controller steps in, and −20
+# for a crash.
 #
 # <details><summary>Hint: the network</summary>
 #
@@ -254,7 +255,7 @@ for name, shares in RUNS.items():
 # <details><summary>Hint</summary>
 #
 # The four terms are defined one after the other, each only for agents to which none of the earlier
-# ones applies. So which number must you look at first?
+# ones applies. Which number, then, must you look at first?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -360,7 +361,7 @@ for name in MAY_CHANGE:
 
 # %% [markdown]
 # - `steps`: 24,000 or fewer
-# - `crash_reward_end`: −40 or lower (at the end, a crash must cost at least 40). So the −20 of
+# - `crash_reward_end`: −40 or lower (at the end, a crash must cost at least 40), so the −20 of
 #   `small` is not enough.
 # - `crash_reward`, the value at the start, may be anything up to 0. From there it changes linearly
 #   to `crash_reward_end`, and `crash_reward_growth` is the share of the run that this takes: 0.75

@@ -42,7 +42,7 @@ from uavdh_lite.course import checks
 #
 # A training run is validated now and then. The array `steps` gives the number of environment steps
 # at each validation, in increasing order, and the array `values`, which is equally long, gives the
-# results. Such curves rise, but fall back from time to time. So the first time that a curve crosses
+# results. Such curves rise, but fall back from time to time, so the first time that a curve crosses
 # a threshold may be luck. Ask for more: the curve has to stay at or above the threshold for good.
 #
 # Return the number of environment steps at the first validation from which *all* values, up to the
@@ -78,8 +78,9 @@ def steps_to(steps, values, threshold):
 checks.steps_to(steps_to)
 
 # %% [markdown]
-# Such a number is only as precise as the distance between two validations, and one unlucky validation late in the run makes it much
-# larger. The first crossing, on the other hand, comes too early if there is one lucky validation.
+# The number of steps that you return is only as precise as the distance between two validations,
+# and one unlucky validation late in the run makes it much larger. The first crossing, on the other
+# hand, comes too early if there is one lucky validation.
 
 # %% [markdown]
 # ## 8.2 · Paired or not (2 points, 8 minutes)

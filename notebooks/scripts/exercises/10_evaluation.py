@@ -57,7 +57,7 @@ from uavdh_lite.planners import Greedy
 #
 # <details><summary>Hint</summary>
 #
-# The low end rises with the number of missions. So try one number after another. Where does the search begin if some missions crash?
+# The low end rises with the number of missions, so try one number after another. Where does the search begin if some missions crash?
 # </details>
 #
 # <details><summary>Another hint</summary>

@@ -52,8 +52,8 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# It holds the newest items, min(capacity, before + after) in all. Of these, min(capacity, after)
-# are new, and the rest are old.
+# The memory holds the newest items, min(capacity, before + after) in all. Of these, min(capacity, after) are new, and the rest
+# are old.
 # </details>
 
 # %%
@@ -78,10 +78,10 @@ checks.old_share(old_share)
 #
 # A step whose Q-value is far from its target has more to teach than one whose value is known already. **Prioritised
 # replay** draws the steps with large errors more often than others. But then strokes of luck are seen more often than
-# they happen, and the mean that Q should learn is shifted. So each drawn step's loss gets a weight that makes up for
-# this. Compute both the probabilities and the weights.
+# they happen, and the mean that Q should learn is shifted. To make up for this, the loss of each drawn step gets a weight.
+# Compute both the probabilities and the weights.
 #
-# - `error`: array $(N,)$, target minus Q-value of each step in the memory, of either sign
+# - `error`: array of shape $(N,)$, target minus Q-value of each step in the memory, of either sign
 # - `floor`: a number above 0, so that a step without an error is drawn now and then, too
 #
 # A step is to be drawn with a probability proportional to the sum of `floor` and the absolute value
@@ -89,7 +89,7 @@ checks.old_share(old_share)
 # other. Scale the weights so that the largest is 1, because larger ones would make the gradient
 # steps too long.
 #
-# Return two arrays $(N,)$: the probabilities, which add up to 1, and the weights. Leave `error` as it is.
+# Return two arrays of shape $(N,)$: the probabilities, which add up to 1, and the weights. Leave `error` as it is.
 #
 # For example, with the errors 3, −1 and 0 and a floor of 1, the steps are drawn in the proportion 4
 # : 2 : 1, and their weights are 0.25, 0.5 and 1.

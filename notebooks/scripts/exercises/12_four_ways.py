@@ -39,17 +39,16 @@ from uavdh_lite.course import checks
 # Which actions leave enough time to land? Cells are numbered from 0 on, and actions from 0 to 5: north, east, south, west,
 # hover, land. You are given
 #
-# - `distance`: (cells,) whole numbers, the moves from each cell to the landing zone: 0 in the zone, −1 where there is no way,
-# - `next_cell`: (cells, 6), the cell of the UAV after each action; after a refused action it is the same cell,
-# - `cell` and `time_left`: $(B,)$ each, where $B$ UAVs are and how many units of time they have left, at least 1.
+# - `distance`: whole numbers, of shape (cells,), the moves from each cell to the landing zone: 0 in the zone, −1 where there is no way,
+# - `next_cell`: array of shape (cells, 6), the cell of the UAV after each action; after a refused action it is the same cell,
+# - `cell` and `time_left`: arrays of shape $(B,)$, where $B$ UAVs are and how many units of time they have left, at least 1.
 #
 # Every action takes one unit of time, landing included. Landing is possible only in the landing zone, and ends the flight.
 # Elsewhere it is refused, and takes its unit of time like hovering.
 #
-# Return a new array of Booleans, $(B, 6)$: for each UAV and each action, whether the UAV can still
-# land in time if it takes this action now. The time needed is that of the action itself, of the
-# moves home after it, and of the landing. Landing at once, in the zone, always fits. (If nothing
-# fits for a UAV, its row is all False. The library then lets the pilot do what it likes.)
+# Return a new array of Booleans, of shape $(B, 6)$: for each UAV and each action, whether the UAV can still land in time if it takes this
+# action now. The time needed is that of the action itself, of the moves home after it, and of the landing. Landing at once, in the zone,
+# always fits. (If nothing fits for a UAV, its row is all False. The library then lets the pilot do what it likes.)
 #
 # An example: the UAV is two moves from the zone and four units of time are left. It may fly home (one move, then one more and
 # the landing), and it may hover once. It must not fly further away.
@@ -62,8 +61,8 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for landing must fit into
-# time_left − 1. Then there are two special cases: −1, and landing at once.
+# distance[next_cell[cell]] has shape (B, 6): the moves home after each action. One unit more for landing must fit into time_left − 1.
+# Then there are two special cases: −1, and landing at once.
 # </details>
 
 # %%
@@ -91,11 +90,12 @@ checks.failsafe_mask(fits)
 # slot, of the devices that have data left, the loudest sends. It sends what the slot carries, its mean rate, but no more than
 # it has left. When it is empty, the next slot goes to another device.
 #
-# - `rate`: (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot, above 0; no two are equal over the same
-#   cell
-# - `left`: (K,), the data units that each device has left at the start of the step
+# - `rate`: array of shape (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot, above 0; no two are equal
+#   over the same cell
+# - `left`: array of shape (K,), the data units that each device has left at the start of the step
 #
-# Return the layer, (M, M): for each cell the data of the four slots together, if the UAV spends the step there. Leave the arrays as they are.
+# Return the layer, an array of shape (M, M): for each cell the data of the four slots together, if the UAV spends the step there. Leave
+# the arrays as they are.
 #
 # An example with one cell: the rates are 3 and 2, and the devices have 4 and 9 units left. The
 # slots bring 3, 1, 2 and 2, together 8. The told layer says $\max(\min(12, 4), \min(8, 9)) = 8$,

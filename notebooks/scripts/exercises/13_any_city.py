@@ -38,15 +38,15 @@ from uavdh_lite.course import checks
 # Every city is eight cities at no cost: four turns, and the same four of its mirror image. If the map is turned, the best action
 # turns with it. You are given
 #
-# - `layers`: a map, $(C, W, W)$, north at the top,
+# - `layers`: a map, of shape $(C, W, W)$, north at the top,
 # - `action`: the number of an action: north 0, east 1, south 2, west 3, hover 4, land 5,
 # - `turns`: how many quarter turns to the left, 0 to 3,
 # - `mirrored`: whether left and right are swapped before the turns.
 #
 # Return the new map and the number that the action has on it.
 #
-# An example: `np.rot90(layers, 1, axes=(1, 2))` is the map turned to the left once. What was north of the UAV is now west of it. So
-# the action 0, north, becomes 3, west.
+# An example: `np.rot90(layers, 1, axes=(1, 2))` is the map turned to the left once. What was north of the UAV is now west of it, so the
+# action 0, north, becomes 3, west.
 #
 # <details><summary>Hint</summary>
 #
@@ -87,9 +87,9 @@ checks.view(view)
 # The reason is that the cities are what was drawn independently, so the sum of each city is *one* random number, and the spread
 # of these sums says how far off the mean may be.
 #
-# - `values`: $(N,)$, $x_i$ of each mission: floats, whole numbers or Booleans,
-# - `city`: $(N,)$, the number of each mission's city. The numbers are only names: any ints, in any order. There are at least two cities, and they
-#   may have different numbers of missions.
+# - `values`: array of shape $(N,)$, $x_i$ of each mission: floats, whole numbers or Booleans,
+# - `city`: array of shape $(N,)$, the number of each mission's city. The numbers are only names: any ints, in any order. There are at
+#   least two cities, and they may have different numbers of missions.
 #
 # Return the half-width, one number.
 #

@@ -39,7 +39,7 @@ from uavdh_lite.course import checks
 # resemble each other (notebook 14, section 14.3). How far does this resemblance reach? A UAV flies down a straight street past
 # one device. In each cell, take the **residual**: how far the measured SNR is above the fitted line.
 #
-# - `left_db`: $(N,)$, the residuals in dB, cell by cell; $N \ge 2$, and not all values are equal
+# - `left_db`: array of shape $(N,)$, the residuals in dB, cell by cell; $N \ge 2$, and not all values are equal
 # - `step_m`: the distance from one cell to the next, in m
 #
 # Subtract the mean first. The *correlation* at a distance of $k$ cells is the mean product of all pairs of values that are $k$
@@ -47,7 +47,7 @@ from uavdh_lite.course import checks
 # below $1/e$. This is called the **decorrelation distance**.
 #
 # An example: the residuals 4, 4, −4, −4 and steps of 10 m. One cell apart, the products are 16, −16 and 16, with a mean of
-# 5.3, and the mean square is 16: the correlation is 0.33, which is below $1/e = 0.37$. So the distance is 10 m.
+# 5.3, and the mean square is 16: the correlation is 0.33, which is below $1/e = 0.37$, so the distance is 10 m.
 #
 # <details><summary>Hint</summary>
 #
@@ -76,7 +76,7 @@ checks.shadow_reach(reach_m)
 
 # %% [markdown]
 # Why is there always such a distance? All products of two *different* values add up to minus half the sum of the squares,
-# because the mean was subtracted. So at some distance the mean product is negative.
+# because the mean was subtracted. Therefore, at some distance the mean product is negative.
 
 # %% [markdown]
 # ## 14.2 · Believe what you heard (2 points, 12 minutes)
@@ -87,8 +87,8 @@ checks.shadow_reach(reach_m)
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum_i w_i\,(\text{heard}_i - \text{line})}{1 + \sum_i w_i}$$
 #
 # - `line_db`: what the line says, one number, dB,
-# - `heard_db`: $(N,)$, what was heard nearby, dB; $N$ may be 0,
-# - `weight`: $(N,)$, the weight of each measurement, from 0 (far away) to 1 (here).
+# - `heard_db`: array of shape $(N,)$, what was heard nearby, dB; $N$ may be 0,
+# - `weight`: array of shape $(N,)$, the weight of each measurement, from 0 (far away) to 1 (here).
 #
 # Return the SNR to believe, one number. In the notebook the line's value differs from place to place; here it is the same for the link and for what was heard near it.
 #

@@ -12,10 +12,10 @@
 #
 # ## 2 · What I expect
 #
-# At that price a detour of ten steps costs 5 units, about half of what a device holds. So I expect
-# the agent to use at least 5 percentage points less of its time. I also expect it to collect less,
-# by about 5 points. If the interval over seeds of either difference contains 0, I call that
-# difference “not shown”.
+# At 0.5 for each step, a detour of ten steps costs 5 units of reward, about half of what a device's
+# data is worth. I therefore expect the agent to use at least 5 percentage points less of its time.
+# I also expect it to collect less, by about 5 points. If the interval over seeds of either
+# difference contains 0, I call that difference “not shown”.
 #
 # ## 3 · What I do
 #
@@ -113,11 +113,11 @@ for name in recipes:
 #
 # The reason is not that they hurry. They have become *lazy*, as notebook 7 calls it (7.4): they use
 # 4 to 8 % of their flying time, land at once, and leave nearly all data behind. At half a unit for
-# each step, a first, clumsy flight costs more than it brings in. So staying at home pays best early
-# in training, and an agent that stays at home never finds out what flying could bring. That is my
-# explanation and not a measurement; the training curves would show whether it is right. Whether a
-# dearer step makes an agent hurry is still open; to find out, I would need a price between 0.1 and
-# 0.5.
+# each step, a first, clumsy flight costs more than it brings in. As a result, staying at home pays
+# best early in training, and an agent that stays at home never finds out what flying could bring.
+# That is my explanation and not a measurement; the training curves would show whether it is right.
+# Whether a dearer step makes an agent hurry is still open; to find out, I would need a price
+# between 0.1 and 0.5.
 #
 # How sure am I? The interval of *collected* reaches down to −103, but no difference can be below
 # −100. The t formula takes it for granted that the results of different seeds are spread like a

@@ -288,7 +288,7 @@ def wrong_chance(ring: type) -> str:
         "The newest item is in every sample, so a sample of 1 is the newest item alone.": [
             (5, added, 1) for added in range(1, 5)
         ],
-        "When the ring is full, each new item still goes in and takes the place of the oldest. So "
+        "When the ring is full, each new item still goes in and takes the place of the oldest, so "
         "the newest is no longer at the end: it is one place before the one to be overwritten "
         "next.": [
             (size, added, 1) for size, most in ((5, 17), (1, 4)) for added in range(size, most)
@@ -329,7 +329,7 @@ class ring_buffer:
             (0, 0.9, 0.0, (0, 3), 1.0),
         ],
         "After each update every weight of the target network becomes (1 − τ) times itself plus τ "
-        "times the online one. So nothing explodes, and the start is worth 6.7.": [
+        "times the online one. Then nothing explodes, and the start is worth 6.7.": [
             (0, 0.95, 0.05, (0, 3), 0.2),
         ],
     },
