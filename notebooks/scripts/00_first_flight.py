@@ -226,8 +226,8 @@ for metric in scores["random"]:
     print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# (In the 1000 other missions of notebook 8 the agent does worse; that notebook says which result to
-# trust.) Read the columns from right to left.
+# (In the 1000 other missions of notebook 8 the agent does worse than here; that notebook says which
+# result to trust.) Read the columns from right to left.
 #
 # **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data.
 # A high `landed` alone does not make a good pilot, and `collected_and_landed` shows how little this

@@ -172,8 +172,8 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 #
 # Why a logarithm? If a slot is to carry one unit more, the receiver must tell twice as many
 # different signals apart in the same noise. Signals are points in a plane, so twice as many fill
-# twice the area, and the area grows with the power. So at a high SNR, to *add* one unit of data,
-# you have to *multiply* the power by two.
+# twice the area, and the area grows with the power. To *add* one unit of data at a high SNR, you
+# therefore have to *multiply* the power by two.
 #
 # First predict:
 

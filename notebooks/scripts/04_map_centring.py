@@ -2,7 +2,7 @@
 # # 4 · What the network sees
 #
 # The agent looks at its mission and picks one of six actions. **What does it look at?** It gets
-# five pictures and one number, the flying time that is left.
+# five pictures and one number, the remaining flying time.
 #
 # Here are the pictures for a UAV over cell (8, 4), at the start of a mission with devices at (4, 7)
 # and (11, 11). Dark blue stands for large numbers and white for zero. The UAV itself is not in the
@@ -278,8 +278,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # ## Recap
 #
-# - The agent sees five layers and the time that is left. With a stopped clock it does not know when
-#   to go home.
+# - The agent sees five layers and the time left. With a stopped clock it does not know when to go
+#   home.
 # - Centring puts the UAV in the middle of a frame that is $2M-1$ cells wide, so that a place in the
 #   picture stands for a position relative to the UAV.
 # - A map has room for any number of devices, needs no order among them, and shows the city together

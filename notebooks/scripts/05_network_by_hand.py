@@ -126,7 +126,7 @@ ax.set(xlabel="weight", ylabel="loss");
 #
 # ## 5.3 Backpropagation
 #
-# Only the last layer feeds the loss directly. How does a weight in the first one learn which way is
+# Only the last layer feeds the loss directly. How does a weight in the first learn which way is
 # down? By the chain rule, as the smallest network with two layers shows. Its output should be 6.
 #
 # ```text
@@ -207,8 +207,8 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # five layers, and makes one new picture, a **feature map**, for the second convolution.
 #
 # The number of cells by which the window moves each time is the **stride**. With a stride of 3 the
-# result has a third as many cells on each side, which saves work and weights. But it moves along
-# exactly only if the building moves by three cells.
+# result has a third as many cells on each side, which saves work and weights. But the result moves
+# along exactly only if the building moves by three cells.
 #
 # Many networks for pictures use **pooling**: of each small window they keep only the largest number
 # or the mean. That suits the question *whether* something is in the picture. Here it matters

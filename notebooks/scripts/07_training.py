@@ -254,9 +254,9 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # The two recipes in this section share centred maps, the softmax policy, double Q-learning, the
 # soft update with τ = 0.005, combined replay and γ = 0.95. `plain` is the paper's method with
-# nothing added, but with a network that is small enough for an ordinary processor. `lite` is our
-# own recipe, which trained the agent of this course. `docs/project/differences_from_the_paper.md`
-# lists all that `lite` changes. Four changes show the idea:
+# nothing added, but with a network small enough for an ordinary processor. `lite` is our own
+# recipe, which trained the agent of this course. `docs/project/differences_from_the_paper.md` lists
+# all that `lite` changes. Four changes show the idea:
 #
 # | in `lite` | what it is for |
 # | --- | --- |

@@ -87,10 +87,10 @@ figure
 #
 # The DDQN agent learned from crashes how to land. A rule needs no crash: from the map one can count
 # the moves from each cell to the nearest landing zone, and an action is *too late* if, after it,
-# the way home takes longer than the time that is left. The **failsafe** replaces such an action by
-# the first move home. Many drones have such a function, called *return to home*; a rule that
-# corrects an agent's actions in this way is called a **shield**. Does the failsafe work for any
-# pilot? Let us try the worst one:
+# the way home takes longer than the time left. The **failsafe** replaces such an action by the
+# first move home. Many drones have such a function, called *return to home*; a rule that corrects
+# an agent's actions in this way is called a **shield**. Does the failsafe work for any pilot? Let
+# us try the worst one:
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment

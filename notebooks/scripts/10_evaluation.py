@@ -51,7 +51,7 @@ figure
 #
 # | policy | what it knows |
 # | --- | --- |
-# | the agent | the map, the devices, their data and the time that is left. It has learned what to do by a strengthened form of the paper's method |
+# | the agent | the map, the devices, their data and the time left. It has learned what to do by a strengthened form of the paper's method |
 # | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
 # | genie | the same, plus the mean rate from every cell to every device (strictly, the slightly lower rate without fading). It searches whole flights for the one with the most data |
 # | random | nothing. It picks its actions at random |
@@ -132,8 +132,8 @@ for city, results in cities.items():
 # ### What the three shares tell you
 #
 # Take the paper's numbers for Manhattan: 99.5 % landed, 94.8 % collected, 94.6 % both. The
-# difference between the last two is data that was collected and then lost in a crash. Divide it by
-# the share of flights that crashed:
+# difference between the last two is data that was collected and then lost in a crash. Divide this difference by the share of flights that
+# crashed:
 
 # %%
 landed, collected, both = RESULTS["manhattan"].values()
@@ -364,8 +364,8 @@ play(agent.environment, two)
 
 # %% [markdown]
 # These two flights are alike for more than half of their time, but then they part; the 40 draws give 15 different paths. The agent sees luck
-# only through the data that is left, where a little more or less can tip a decision. Yet luck makes no difference to what is brought home
-# here: a flight has 240 communication slots, and over so many of them, most of the luck averages out.
+# only through the data left, where a little more or less can tip a decision. Yet luck makes no difference to what is brought home here: a
+# flight has 240 communication slots, and over so many of them, most of the luck averages out.
 #
 # ## 10.9 One thing changed
 #

@@ -97,8 +97,8 @@ figure.colorbar(picture, label="units of time to fly home and land")
 figure
 
 # %% [markdown]
-# The rule is one line: an action is *too late* if, after it, the way home takes longer than the time that is left. If $b$ is
-# the time left before the action, this reads
+# The rule is one line: an action is *too late* if, after it, the way home takes longer than the time left. If $b$ is the time left
+# before the action, this reads
 #
 # $$\text{time to land}(\text{next cell}) > b - 1$$
 #

@@ -69,9 +69,9 @@ def collected_and_landed(collected, initial, landed):
 checks.flight_score(collected_and_landed)
 
 # %% [markdown]
-# To score many flights, take the mean of this number. This is not the same as the mean collected
-# share times the share of flights that landed, because the flights that crash may be those that
-# collected the most.
+# To score many flights, take the mean of their scores. This mean is not the same as the mean
+# collected share times the share of flights that landed, because the flights that crash may be
+# those that collected the most.
 
 # %% [markdown]
 # ## 0.2 · Which flight is the agent's? (1 point, 5 minutes)

@@ -125,7 +125,7 @@ checks.convolve(convolve)
 # %% [markdown]
 # ## 5.3 · How many weights? (3 points, 15 minutes)
 #
-# The Q-network takes the centred map of a city with M×M cells, and the flying time that is left. It
+# The Q-network takes the centred map of a city with M×M cells, and the remaining flying time. It
 # gives one Q-value for each of the six actions. These are the network's parts, in order:
 #
 # - convolutions, one for each number in `strides`, each with `kernels` kernels of

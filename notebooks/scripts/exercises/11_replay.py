@@ -118,6 +118,6 @@ def prioritised(error, floor):
 checks.prioritised(prioritised)
 
 # %% [markdown]
-# Try it with the ring: `generator.choice(n, 64, p=probability)` draws the places. Does prioritised
-# replay help in the village? It is one of the parts of *Rainbow*, an agent that combines six
-# improvements to DQN, but it is also one more thing that can go wrong in your own agent.
+# Try prioritised replay with the ring: `generator.choice(n, 64, p=probability)` draws the places. Does it help in the village?
+# It is one of the parts of *Rainbow*, an agent that combines six improvements to DQN, but it is also one more thing that can
+# go wrong in your own agent.

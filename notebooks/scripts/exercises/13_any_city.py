@@ -84,8 +84,8 @@ checks.view(view)
 #
 # $$1.96\;\frac{1}{N}\,\sqrt{\frac{C}{C-1}\;\sum_{\text{cities}}\Big(\sum_{i \text{ in the city}} (x_i - \bar x)\Big)^2}$$
 #
-# The reason is that the cities are what was drawn independently, so the sum of each city is *one* random number, and the spread
-# of these sums says how far off the mean may be.
+# The reason is that the cities, not the missions, were drawn independently, so the sum of each city is *one* random number, and the
+# spread of these sums says how far off the mean may be.
 #
 # - `values`: array of shape $(N,)$, $x_i$ of each mission: floats, whole numbers or Booleans,
 # - `city`: array of shape $(N,)$, the number of each mission's city. The numbers are only names: any ints, in any order. There are at
@@ -125,5 +125,4 @@ def half_width(values, city):
 checks.clustered_half_width(half_width)
 
 # %% [markdown]
-# Try it with a hundred cities and 1, 10 and 100 missions in each. When does another mission in the same city no longer
-# help?
+# Try your function with a hundred cities and 1, 10 and 100 missions in each. When does another mission in the same city no longer help?

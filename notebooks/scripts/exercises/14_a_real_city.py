@@ -44,7 +44,7 @@ from uavdh_lite.course import checks
 #
 # Subtract the mean first. The *correlation* at a distance of $k$ cells is the mean product of all pairs of values that are $k$
 # cells apart, divided by the mean square of all values. It is 1 at $k=0$. Return the first distance, in metres, at which it is
-# below $1/e$. This is called the **decorrelation distance**.
+# below $1/e$. This distance is called the **decorrelation distance**.
 #
 # An example: the residuals 4, 4, −4, −4 and steps of 10 m. One cell apart, the products are 16, −16 and 16, with a mean of
 # 5.3, and the mean square is 16: the correlation is 0.33, which is below $1/e = 0.37$, so the distance is 10 m.
