@@ -97,7 +97,7 @@ play(environment, flights.trajectory(0))
 #   most data during that step; black means that no device sent anything. Arrows are drawn a little
 #   to one side of the cells' centres, so that you can tell the way out from the way back.
 #   A **ring** marks hovering.
-# - A **thick** arrow means a lot of data, a thin one only a little.
+# - A **thick** arrow means a lot of data; a thin one, only a little.
 # - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices
 #   are hidden from that cell.
 #

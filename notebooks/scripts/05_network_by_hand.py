@@ -197,7 +197,7 @@ result = torch.nn.functional.conv2d(one, kernel)[0, 0]
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks the building's western edge, red its eastern one. The window has four positions along
+# Blue marks the building's western edge; red, its eastern one. The window has four positions along
 # each side; in general, a kernel of $k$ cells on a side turns $n$ cells into $n-k+1$. A rim of
 # zeros (**padding**) would keep the size; the agent's network has none. The same nine weights are
 # used everywhere (**weight sharing**), so what they learn in one place holds in all others. If the
@@ -247,9 +247,9 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 #
 # We ask three networks one question: **is a device near the UAV**, within three rows and three
 # columns? The answer is +1 if so, −1 if not. Our 8000 examples are pairs of a device's cell and a
-# UAV's cell; in half of them the device is near. Every other pair is for training, the rest for the
-# test. *In place*, a map has two layers, one with a 1 in the device's cell and one with a 1 in the
-# UAV's. *Centred*, it has only one, with a 1 at the device's position relative to the UAV.
+# UAV's cell; in half of them the device is near. Every other pair is for training; the rest, for
+# the test. *In place*, a map has two layers, one with a 1 in the device's cell and one with a 1 in
+# the UAV's. *Centred*, it has only one, with a 1 at the device's position relative to the UAV.
 
 # %%
 from uavdh_lite.course.near_far import near_pairs

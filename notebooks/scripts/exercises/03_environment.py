@@ -105,7 +105,7 @@ checks.tdma_slot(slot)
 # | 3 | 1 | land | not in the landing zone: hovers instead | 1.5 |
 #
 # Work out the reward of each step with pencil and paper. Return two lists: six numbers for flight
-# A, three for flight B.
+# A, and three for flight B.
 #
 # <details><summary>Hint</summary>
 #
