@@ -173,10 +173,9 @@ Quiz("what_may_be_told")
 # %% [markdown]
 # ## 12.3 Copy: a planner as teacher
 #
-# The *genie* is a search over whole flights. It knows the mean rate of every link (strictly, the rate at the mean SNR,
-# without fading, which is a little lower), and keeps the best candidate flights for each cell and moment (a **beam
-# search**). It flies better than any agent here, but takes much longer to decide. Can a network learn to do what the genie
-# does, without the search?
+# The *genie* is a search over whole flights. It knows the rate of every link without fading, and keeps the best
+# candidate flights for each cell and moment (a **beam search**). It flies better than any agent here, but takes much
+# longer to decide. Can a network learn to do what the genie does, without the search?
 
 # %%
 from uavdh_lite.beyond.genie import Genie
@@ -225,9 +224,10 @@ assert np.mean(agree) > 0.85
 #
 # There is a trap, however. The genie never flies into a dead end, so its flights show no way out of
 # one. A copy that errs once gets to places that it has never seen, and errs again. The remedy is to
-# let the *learner* fly, and to ask the genie what it would do in the states that the learner gets
-# into. A third of the labels are made in this way, which is called **DAgger**, for *dataset
-# aggregation*.
+# let the *learner* fly, and to ask the genie how to go on from states that the learner gets into. A
+# third of the genie's flights begin in such a state; they give about a fifth of the labels. (This
+# is a relative of **DAgger**, *dataset aggregation*, which labels every state of the learner's
+# flights.)
 
 # %%
 Quiz("why_own_starts")
@@ -235,9 +235,9 @@ Quiz("why_own_starts")
 # %% [markdown]
 # ## 12.4 Learn: what only reward can say
 #
-# The genie plans with mean rates, so it does not allow for luck. And a copy makes errors that no further examples from the genie's
-# own flights would correct. Learning from reward needs neither a teacher nor a formula, because all that counts is how good a flight
-# was. Therefore the shipped agents that copy go on to learn from reward afterwards. They draw their actions from $\pi$, and fly each
+# The genie plans without fading, so it does not allow for luck. And a copy makes errors that no further examples from the genie's own
+# flights would correct. Learning from reward needs neither a teacher nor a formula, because all that counts is how good a flight was.
+# Therefore the shipped agents that copy go on to learn from reward afterwards. They draw their actions from $\pi$, and fly each
 # mission eight times:
 
 # %%
@@ -260,10 +260,12 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # $$L = -A\,\log \pi(a \mid s)$$
 #
 # What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did
-# in a bad one becomes less likely. This is a **policy gradient** method, and here no network has to
-# learn values. An agent that knows nothing would take a very long time to learn in this way,
-# because hardly any of its flights are good. The agent `manhattan`, which had copied the genie
-# first, learned in this way for only about twelve minutes.
+# in a bad one becomes less likely. (The library makes several updates from the same flights, so it
+# uses this loss in the clipped form of PPO, which limits how far they change a probability.) This
+# is a **policy gradient** method, and here no network has to learn values. An agent that knows
+# nothing would take a very long time to learn in this way, because hardly any of its flights are
+# good. The agent `manhattan`, which had copied the genie first, learned in this way for only about
+# twelve minutes.
 #
 # The paper's agents see the map, and learn the rest from reward. In principle they could learn even
 # in a place whose channel nobody can write down, if they could fly millions of steps there, crashes
@@ -315,7 +317,7 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # - **Copying** is ahead of learning from reward, with or without the guarantee. With the guarantee
 #   and the told layers, both collect about the same amount, but the copy does so in two thirds of
 #   the flying time, whereas the learner uses nearly all of it.
-# - **Learning**, after copying, adds 0.4 to 1.3 units of return within a minute.
+# - **Learning**, after copying, adds 0.4 to 1.3 units of return in 73 to 104 seconds.
 #
 # To compare copying with learning, look at the dashed and the solid lines of one colour; to see
 # what the guarantee and the told layers add, compare the colours. Greedy's line is drawn for
@@ -350,8 +352,8 @@ for name, knows in agents.items():
 #
 # - A rule that always holds need not be learned: the failsafe brings any policy home.
 # - What can be computed can be told, as a layer of the map.
-# - A planner's moves can be copied by minimising the cross-entropy, both in the planner's own flights and in the states that
-#   the learner gets into.
+# - A planner's moves can be copied by minimising the cross-entropy, both in the planner's own flights and in flights that begin
+#   where the learner got into.
 # - Learning from reward needs neither a teacher nor anybody who knows the equations. Alone it is slow. After copying, it
 #   repairs some of what the copy got wrong.
 # - Before you compare agents, say what each of them was told.

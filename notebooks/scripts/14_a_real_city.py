@@ -92,13 +92,14 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # without their phases, so there is no small-scale fading. We also fly without $\eta$ in the ray-traced world, so the two worlds differ in fading,
 # too. ([The results](../docs/results/real_city.md) give all settings.)
 #
-# To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's model.
-# In sight, therefore, the two models' *mean SNRs in dB* agree by construction, and the comparison tests *where* the signal goes. At a
-# bandwidth of 1 MHz, these SNRs need only 0.1 µW of transmit power. A real sensor sends with 40 to 60 dB more, so even its hidden links
-# would carry data (14.3).
+# To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have
+# the mean SNR of the paper's model. In sight, therefore, the two models' *mean SNRs in dB* agree by
+# construction, and the comparison tests *where* the signal goes. At a bandwidth of 1 MHz, these
+# SNRs need only 0.1 µW of transmit power (at a noise figure of 5 dB). A real sensor sends with 40
+# to 60 dB more, so even its hidden links would carry data (14.3).
 #
-# Take a device in a street in the west, and draw its rate to a UAV over every cell, under both models. **Before you run the
-# cell:** where will the two maps differ most?
+# Take a device in a street in the west, and draw its rate to every cell, under both models. **Before you run
+# the cell:** where will the two maps differ most?
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -121,7 +122,7 @@ figure
 #
 # ## 14.3 Link by link
 #
-# In the next figure each point is a link between two cells.
+# In the next figure each point is a link.
 
 # %%
 from uavdh_lite.beyond.measured import distances_m
@@ -160,9 +161,10 @@ for kind, state in kinds.items():
 #   effect. The 3 % of links far below the others are blocked by walls that our grid misses; without them the spread is 0.8 dB.
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB or more, and for a third of them the tracer finds no path.
-# - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
-#   slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 30 to 50 m. Such fading belongs to the place: fly by
-#   again, and the link is as bad as before. It is therefore a *map*, which could be learned.
+# - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for
+#   each device and slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 20 to 35 m.
+#   Such fading belongs to the place: fly by again, and the link is as bad as before. It is therefore a *map*,
+#   which could be learned.
 #
 # Is the model bad, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. Let us
 # therefore compare the rates:
@@ -198,9 +200,9 @@ figure
 # rays, but has the same mean. Therefore, up to 40 m, where most of the data is collected, the rays bring a sixth less than the model
 # promises, and beyond 70 m nearly half as much again.
 #
-# Behind buildings, next to corners, the rays bring *more* than the model promises. Nine tenths of this surplus comes from links
-# that are at most 3 dB below free space. Our shadow map calls them hidden, but the device is in view, past a wall that does not
-# fill its cell.
+# Behind buildings, next to corners, the rays bring *more* than the model promises. Nine tenths of this
+# surplus comes from links that are at most 3 dB below free space. Our shadow map calls them hidden, but the
+# device is probably in view, past a wall that does not fill its cell.
 #
 # The ray tracer is a model, too. It contains no trees or cars, so it is too optimistic. It also leaves out scattering by rough
 # walls and waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible* channel, but not
@@ -232,8 +234,8 @@ for (name, radio), flights in flown.items():
 # sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city` suffers from the
 # change of model, and only slightly.
 #
-# The recorded runs, made with an earlier version of the program, cover 900 missions (three seeds of 300) in each
-# place and under both models. Here is by how much the return of `any_city` exceeds greedy's, on average:
+# The recorded runs, made with an earlier version of the program, cover 900 missions (three seeds of 300) in
+# each place and under both models. Here is by how much the return of `any_city` exceeds greedy's:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -270,8 +272,8 @@ for place in (*places, None):
 # channels. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`. The **belief** says
 # what the agent expects: it is the environment from which its observation is computed, here `model`.
 #
-# Now change only the belief. At one extreme, the agent is told the world's own table, which only a genie could know. At the other, it is told
-# silence: that no data can be collected anywhere.
+# Now change only the belief. At one extreme, the agent is told the world's own table, which only a genie
+# could know. At the other, it is told silence: that no data can be collected.
 
 # %%
 from uavdh_lite.beyond.measured import MeasuredEnvironment, believing
@@ -284,9 +286,10 @@ for name, belief in beliefs.items():
     print(f"told {name:<10}return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# When told silence, the agent earns far less, because in training it never had to find data without being told. The gap
-# between the last two returns is roughly what can be gained by measuring. But the truth is no upper bound for a network
-# that was never trained with it, and over a hundred missions so small a gap may be chance.
+# When told silence, the agent earns far less, probably because in training it never had to find data without
+# being told. The gap between the last two returns is roughly what can be gained by measuring. But the truth
+# is no upper bound for a network that was never trained with it, and over a hundred missions so small a gap
+# may be chance.
 #
 # ## 14.6 Measure, then tell
 #

@@ -6,7 +6,7 @@ softmax over the network's outputs. No reward is needed. The flights begin
 
 - at ordinary starts and at exploring starts, as in any training (`exploring_starts`), and
 - where the learner itself has flown (`own_starts`): it meets states that the planner avoids, and
-  must learn what the planner would do there (DAgger, Ross et al., AISTATS 2011).
+  must learn how the planner goes on from there (as in DAgger, Ross et al., AISTATS 2011).
 
 The loop is that of every training: act, step, add, sample, update. Only who acts, and the loss,
 are others. A turned or mirrored map is the same task, so each minibatch shows all eight views.

@@ -86,12 +86,12 @@ checks.failsafe_mask(fits)
 # ## 12.2 · What a cell really brings (2 points, 15 minutes)
 #
 # The layer *expected data* of notebook 12, section 12.2, is an estimate: it gives all four slots of a step to one device. What
-# does a step bring by the rule of notebook 3, section 3.5, if the UAV hovers over a cell and there is no fading? In every
-# slot, of the devices that have data left, the loudest sends. It sends what the slot carries, its mean rate, but no more than
-# it has left. When it is empty, the next slot goes to another device.
+# does a step bring by the rule of notebook 3, section 3.5, if the UAV hovers over a cell and there is no fading? In every slot,
+# of the devices that have data left, the loudest sends. It sends what the slot carries, its rate, but no more than it has left.
+# When it is empty, the next slot goes to another device.
 #
-# - `rate`: array of shape (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot, above 0; no two are equal
-#   over the same cell
+# - `rate`: array of shape (K, M, M), the rate without fading of each device to a UAV over each cell, data units a slot, above 0;
+#   no two are equal over the same cell
 # - `left`: array of shape (K,), the data units that each device has left at the start of the step
 #
 # Return the layer, an array of shape (M, M): for each cell the data of the four slots together, if the UAV spends the step there. Leave
