@@ -12,6 +12,7 @@ const LINK = "stage=";
 const LONG = ["many", "duel"]; // they show how far they are, and others do not wait for them
 const SLOW = 300; // ms without an answer after which a word is due
 const KEEP = 200; // ms from a change until the browser keeps it
+const LEFT = "uavdh_lite: left"; // the key of the state in which the page was left
 const BURST = 400; // ms between changes that are one entry of the browser's history
 const FULL = `<svg viewBox="0 0 16 16" width="16" aria-hidden="true"><path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5"/></svg>`;
 
@@ -298,7 +299,24 @@ export function draw(el, model) {
     entry = { text, place, since: moved ? now : (entry.since ?? -BURST) };
   }
 
-  const keepNow = () => opens() || history.replaceState(stateNow(), ""); // there is no time for the address
+  /** When the page is left, there is no time for the address, and a reload takes nothing from its history. */
+  function keepNow() {
+    if (opens()) return;
+    const state = stateNow();
+    history.replaceState(state, "");
+    try {
+      sessionStorage.setItem(LEFT, JSON.stringify(state));
+    } catch {} // a frame may not have it
+  }
+
+  /** The state in which the page was left, if this is a reload; else what its history has. */
+  function stateBefore() {
+    try {
+      const reloads = performance.getEntriesByType("navigation")[0].type === "reload";
+      if (reloads) return JSON.parse(sessionStorage.getItem(LEFT)) ?? history.state;
+    } catch {}
+    return history.state;
+  }
 
   /** Opens what an entry of the browser's history has, its state or its address; says whether there is something. */
   function openEntry(state) {
@@ -408,11 +426,12 @@ export function draw(el, model) {
     paint();
     if (!model.own) return beginStory();
     window.addEventListener("popstate", ({ state }) => openEntry(state));
-    for (const type of ["beforeunload", "pagehide"]) window.addEventListener(type, keepNow); // a reload keeps the former alone
+    window.addEventListener("pagehide", keepNow);
     document.addEventListener("visibilitychange", keepNow);
-    const { story: told, asks = [] } = history.state ?? {};
+    const before = stateBefore();
+    const { story: told, asks = [] } = before ?? {};
     if (told) return beginStory(told);
     again = asks;
-    if (!openEntry(history.state)) beginStory();
+    if (!openEntry(before)) beginStory();
   }
 }
