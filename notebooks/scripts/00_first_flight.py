@@ -244,10 +244,10 @@ for metric in scores["random"]:
 # notebook 8.
 #
 # A rule of a few lines, then, beats a network that took millions of steps to train. **Why learn at
-# all?** Keep this question in mind, because the whole course is an answer to it. Here are two
-# hints: the rule's author knew what the map means, and somebody has to think up a new rule whenever
-# the task changes. In the last notebook of the course, one agent will beat the rule, and another
-# will fly over a city that you typed in only a minute before.
+# all?** Keep this question in mind until 9.7 answers it. Here are two hints: somebody had to think
+# up the rule, and that somebody knew what the map means. Not every task has such an author. In the
+# last notebook of the course, one agent will beat the rule, and another will fly over a city that
+# you typed in only a minute before.
 #
 # A mean hides a lot, so look at individual flights, too. Of the agent's two thousand flights, this
 # is the one that brought home the smallest share of the data:
