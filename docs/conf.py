@@ -76,7 +76,8 @@ def copy_notebooks(app: Sphinx) -> None:
     for path in wanted:
         copy = target / path
         # From `notebooks` a page is at ../docs/PAGE, from here at ../PAGE
-        text = (source / path).read_text(encoding="utf-8").replace("](../docs/", "](../")
+        text = (source / path).read_text(encoding="utf-8")
+        text = re.sub(r"\]\(((?:\.\./)+)docs/", r"](\1", text)
         if not copy.exists() or copy.read_text(encoding="utf-8") != text:
             copy.parent.mkdir(parents=True, exist_ok=True)
             copy.write_text(text, encoding="utf-8")

@@ -3,7 +3,7 @@
 import copy
 import math
 import random
-from itertools import combinations, islice
+from itertools import combinations, islice, zip_longest
 
 import numpy as np
 import torch
@@ -311,18 +311,21 @@ def trained(fault):
     return learn
 
 
-def village(here="", there=""):
-    """The sheet's solution of 7.1, with something else in one place."""
+def village(*changes):
+    """The sheet's solution of 7.1, with something else in some places: what is there, then what."""
     text = (SCRIPTS / "07_training.py").read_text(encoding="utf-8")
     end = text.index("### END SOLUTION\n\n# %%\nchecks.village_dqn")
     start = text.rindex("\nclass Network", 0, end)
-    assert here in text[start:end]
+    code = text[start:end]
+    for here, there in zip_longest(changes[::2], changes[1::2], fillvalue=""):
+        assert here in code
+        code = code.replace(here, there)
     parts = {"Ring": "ring_buffer", "target_of": "double_target", "policy": "stable_policy"}
     space = {name: checks.EXERCISES[check].solution for name, check in parts.items()}
     around = "import copy\nimport numpy as np\nimport torch\nfrom torch import nn\n"
     around += "from uavdh_lite.environment import State\n"
     around += "from uavdh_lite.observation import Observation\n"
-    exec(around + text[start:end].replace(here, there), space)
+    exec(around + code, space)
     return space["train"]
 
 

@@ -49,6 +49,44 @@ def test_a_next_state_that_is_stored_after_the_restart_is_named(monkeypatch):
     assert "no minibatch" not in checks.village_dqn.wrong_with(village())
 
 
+FOLLOWS = """for old, new in zip(target.parameters(), online.parameters()):
+                old.lerp_(new, 0.02)"""
+STATES = "target = {name: w.lerp(online.state_dict()[name], 0.02) for name, w in target.items()}"
+CALLED = "torch.func.functional_call(online, target, seen)"
+
+
+@pytest.mark.parametrize(
+    "lags, changes",
+    [
+        (False, ("copy.deepcopy(online)", "online")),
+        (False, ("target(*seen)", "online(*seen)")),
+        (False, ("0.02)", "1.0)")),
+        (True, ()),
+        (True, ("old.lerp_(new, 0.02)", "old.copy_(new) if number % 9 == 0 else None")),
+        (
+            True,
+            (
+                "deepcopy(online)",
+                "copy(online.state_dict())",
+                "target(*seen)",
+                CALLED,
+                FOLLOWS,
+                STATES,
+            ),
+        ),
+    ],
+)
+def test_training_without_a_target_network_is_refused_and_with_one_of_any_kind_it_is_not(
+    lags, changes, monkeypatch, capsys
+):
+    monkeypatch.setattr(notebook_07, "ROUNDS", 115)
+    monkeypatch.setattr(notebook_07, "LEAST_LEAD", -1.0)
+    monkeypatch.setattr(notebook_07, "SOON", np.inf)
+    said = checks.village_dqn.wrong_with(village(*changes))
+    assert ("That is enough" in said and "network that lags behind" in said) is not lags
+    assert ("Not checked: whether y is the double target" in capsys.readouterr().out) is lags
+
+
 def test_ignored_ends_are_refused_whatever_was_collected_and_a_still_target_is_named(monkeypatch):
     monkeypatch.setattr(notebook_07, "ROUNDS", 400)
     monkeypatch.setattr(notebook_07, "LEAST_LEAD", -1.0)  # everything else is good enough

@@ -19,14 +19,16 @@ class Watched(TorchFunctionMode):
 
     `losses` counts the calls of `backward`.
     `ends` says whether a minibatch had a terminal transition; None if none was seen as Booleans.
+    `lags` says whether layers ever had weights other than the trained ones; None if none were seen.
     """
 
     def __init__(self, tau: float | None = None):
         super().__init__()
-        self.tau, self.ends = tau, None
+        self.tau, self.ends, self.lags = tau, None, None
         self.updates, self.idle, self.largest, self.losses = 0, 0, True, 0
         self.before: dict[Tensor, Tensor] = {}  # the trained weights at the last `backward`
         self.used: dict[Tensor, None] = {}  # the weights of all layers before the first update
+        self.asked: list[Tensor] = []  # copies of those since the last `backward`
         self.targets: list[tuple[Tensor, Tensor, Tensor]] = []  # target, online, target before
         self.cells: dict[bool, list[Tensor]] = {}  # since the last update, by whether it learns
         self.moved: list[tuple[Tensor, Tensor]] = []  # Q-values and the loss's slopes in them
@@ -37,6 +39,8 @@ class Watched(TorchFunctionMode):
             self.ends = bool(self.ends or given[0].any())
         self.losses += func is Tensor.backward
         tensors = [one for one in given[:2] if isinstance(one, Tensor)]
+        if tensors and not self.lags:  # a target network may be made late
+            self._lagging(func, tensors[-1])
         if self.updates >= UPDATES or not tensors:
             return func(*args, **(kwargs or {}))
         if len(tensors) == 2 and func.__name__ in (*LOSSES, "add", "mul"):
@@ -60,6 +64,16 @@ class Watched(TorchFunctionMode):
         if func is Tensor.backward:
             self._moved()
         return result
+
+    def _lagging(self, func, tensor: Tensor) -> None:
+        """Whether layers had other weights than those of which the loss is made."""
+        if func.__name__ in ("linear", "conv2d") and self.before:
+            self.asked.append(tensor.detach().clone())  # one network may hold two sets in turn
+        elif func is Tensor.backward:
+            own = _weights(tensor)
+            other = [all(not torch.equal(one, w) for w in own) for one in self.asked]
+            self.lags = any(other) if not all(other) else self.lags
+            self.asked.clear()
 
     def trained(self, network: torch.nn.Module) -> bool:
         """Whether weights of a network are those that were trained; True if none were seen."""

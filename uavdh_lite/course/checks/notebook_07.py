@@ -20,6 +20,11 @@ from uavdh_lite.training import Trainer
 
 ROUNDS, REWARDS = 2000, Rewards(movement=-0.1, crash=-20.0)  # of the student's own DQN
 LEAST_LEAD = 0.2  # over random, in collected and landed
+NOT_CHECKED = (
+    "Not checked: whether y is the double target, whether the target network follows with τ = "
+    "0.02, and whether each minibatch has the newest step. Compare your loop, line by line, with "
+    "the page “The algorithm on one page”."
+)
 SOON = 2.0  # the best Q-value of a start, if nothing but the next reward counts: it is below 1
 
 
@@ -69,7 +74,8 @@ def wrong_training(train) -> str:
     chance = flown(Random(0))[0]["collected_and_landed"]
     print(f"{said}; random: {chance:.0%}")
     enough = own["collected_and_landed"] >= chance + LEAST_LEAD
-    if enough and not endless:
+    if enough and not endless and watched.lags is not False:
+        print(NOT_CHECKED)
         return ""
     why = "Your agent collects but does not come home: is y the reward alone where it crashed?"
     if own["landed"] > 0.8:
@@ -83,6 +89,11 @@ def wrong_training(train) -> str:
         why = (
             f"At the start of a mission `land` is worth {land:.1f} to your agent, as if the flight "
             f"went on (`hover`: {hover:.1f}). Where an episode ended, y must be the reward alone."
+        )
+    if watched.lags is False:
+        why = (
+            "The weights that learn also make y: no network that lags behind was ever asked. "
+            "Begin with `target = copy.deepcopy(online)`, let it follow slowly, and let it judge."
         )
     if watched.ends is False:
         why = (
