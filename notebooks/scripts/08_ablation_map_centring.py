@@ -246,16 +246,17 @@ Quiz("three_seeds")
 # one method has the three best ranks. This share is called a **p-value**, and going through all
 # ways to deal out the results is a **permutation test**. With three runs of each kind it can never
 # fall below 10 %. In the village, with six, only 10 of the 924 ways give so large a gap, which is
-# 1 %: there probably is a lead, although its interval is wide.
+# 1 %: there probably is a lead.
 #
 # A difference with a p-value below 5 % is often called **statistically significant**. That does not
 # make it large, and one that is not significant has not been shown to be 0. Nor is the p-value the
 # probability that the methods are equally good.
 #
-# **How many things did you compare?** If five parts of a recipe are taken away, each on its own,
-# and none of them matters, at least one of the five comparisons with the full recipe comes out
-# below 5 % nearly one time in five. So name the main comparison beforehand, or ask for 5 % divided
-# by the number of comparisons (**Bonferroni**), or repeat the surprising one with new seeds.
+# **How many things did you compare?** Suppose that five parts of a recipe are taken away, each on
+# its own, and that none of them matters. Then in nearly one such study in five, at least one
+# comparison with the full recipe has a p-value below 5 %. So name the main comparison beforehand,
+# or ask for 5 % divided by the number of comparisons (**Bonferroni**), or repeat the surprising one
+# with new seeds.
 #
 # **Were there enough runs?** To find a gap as large as the standard deviation of the runs at the
 # 5 % level in four studies out of five, you need about 17 runs of each kind. With three, only a far
