@@ -38,7 +38,7 @@ SVG(data_folder() / "figures/network.svg")
 # ## 5.1 A neuron
 #
 # A network is made of **neurons**. Each multiplies its inputs by **weights**, then adds up the
-# products and a constant, the *bias*:
+# products and a constant, the *bias* $w_0$:
 #
 # $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
@@ -65,11 +65,11 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 # else: a picture.) A layer is **fully connected**, or *dense*, if each of its neurons has a weight
 # for every input.
 #
-# What does a second layer gain? Nothing yet. Plotted against any one input, a neuron's output is a
+# What does a second layer add? Nothing yet. Plotted against any one input, a neuron's output is a
 # straight line. A weighted sum of straight lines is again a straight line, so two layers can do no
-# more than one. Something has to bend the lines between the two layers. The usual choice is the
-# **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others. Here
-# are three bent lines and their sum:
+# more than one. Between the two layers, something has to bend the straight lines. The usual choice
+# is the **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all
+# others. Here are three bent lines and their sum:
 
 # %%
 from matplotlib import pyplot as plt
@@ -88,15 +88,15 @@ ax.legend();
 #
 # ## 5.2 Going downhill
 #
-# At first all weights are random numbers, because identical neurons would learn the same thing. A
-# **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the output
-# gets worse. Its *slope* with respect to a weight says whether the loss grows or shrinks when the
-# weight grows. The weight therefore steps downhill: it changes by minus the slope times a small
-# number, the **learning rate**. This is **gradient descent**. The *gradient* is the list of all
-# slopes.
+# At first all weights are random numbers, because neurons with equal weights would learn the same
+# thing. A **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the
+# output gets worse. The *slope* of the loss with respect to a weight says whether the loss grows or
+# shrinks when the weight grows. To step downhill, the weight changes by minus the slope times a
+# small number, the **learning rate**. This is **gradient descent**. The *gradient* is the list of
+# all slopes.
 #
-# Take one neuron with one weight. The input is 3 and the output should be 6, so the weight should
-# become 2.
+# Take a neuron with one weight and no bias. The input is 3 and the output should be 6, so the
+# weight should become 2.
 
 # %%
 w = [0.0]
@@ -113,12 +113,12 @@ ax.set(xlabel="weight", ylabel="loss");
 # %% [markdown]
 # The steps get shorter as the curve gets flatter, and the weight settles at the bottom. With a
 # learning rate of 0.2 each step would jump across the valley and land higher up on the other side;
-# with 0.0002 the weight would hardly move. A number that is chosen rather than learned is a
+# with 0.0002 the weight would hardly move. A number like this one, chosen rather than learned, is a
 # **hyperparameter**.
 #
-# The slope in the code has the input, 3, as a factor, so the weight of an input of 70 takes far
-# larger steps than those of inputs near 1, and even an equal step moves the output 70 times as far.
-# Therefore data and flying time are scaled to small numbers.
+# The slope in the code has the input, 3, as a factor. The weight of an input of 70 would therefore
+# take far larger steps than that of an input of 1, and even an equal step would move the output 70
+# times as far. This is why data and flying time are scaled to small numbers.
 #
 # Because the slope of a squared error grows with the error, a single error of 150 pulls at the
 # weights as hard as 150 errors of 1. Our agents therefore learn with the **Huber loss**, a parabola
@@ -126,8 +126,9 @@ ax.set(xlabel="weight", ylabel="loss");
 #
 # ## 5.3 Backpropagation
 #
-# Only the last layer feeds the loss directly. How does a weight in the first learn which way is
-# down? By the chain rule, as the smallest network with two layers shows. Its output should be 6.
+# Only the last layer feeds the loss directly. How does a weight in the first layer learn which way
+# is down? By the chain rule. Here is the smallest network with two layers, whose output $y$ should
+# be 6.
 #
 # ```text
 #  forward      x = 3  ──×w₁──▶  h = 1.5  ──ReLU──▶  1.5  ──×w₂──▶  y = 3  ──▶  loss (y−6)² = 9
@@ -137,14 +138,14 @@ ax.set(xlabel="weight", ylabel="loss");
 #                                                └──×1.5──▶   −9 at w₂
 # ```
 #
-# Read the drawing from right to left. If $y$ grows a little, the loss changes by $-6$ times as
-# much. If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is $-6\cdot1.5=-9$.
-# If $h$ grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is $-6\cdot2=-12$. (The ReLU
-# changes nothing here, because $h$ is positive. Where it gives 0, the slope is 0, and the weights
-# before it learn nothing; so the agent's *leaky* ReLUs turn a negative number into a tenth of it.)
-# If $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each
-# slope is the one to its right times a number that is known from the forward pass, so one backward
-# pass gives the slopes of *all* weights at the cost of one or two forward passes. This is
+# Read the slopes from right to left. If $y$ grows a little, the loss changes by $-6$ times as much.
+# If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$
+# grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is $-6\cdot2=-12$. (Because $h$ is
+# positive, the ReLU changes nothing here. Where a ReLU gives 0, its slope is 0, and the weights
+# before it learn nothing, so the agent's *leaky* ReLUs divide negative numbers by 10 instead.) If
+# $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each slope
+# is the one to its right times a number that is known from the forward pass, so one backward pass
+# gives the slopes of *all* weights at the cost of one or two forward passes. This is
 # **backpropagation**. In PyTorch:
 
 # %%
@@ -157,8 +158,8 @@ print("loss", loss.item(), "slopes", [slope.item() for slope in slopes])
 # %% [markdown]
 # ## 5.4 Five lines of PyTorch
 #
-# This function trains a network on examples `x` with right answers `y`. Nearly every such program
-# has the five lines explained below.
+# This function trains a network on examples `x` with the right answers `y`. Nearly every training
+# program has the five lines explained below.
 
 # %%
 from torch import nn
@@ -175,10 +176,10 @@ def train(model, x, y, updates=400):
 
 # %% [markdown]
 # - `optimiser = …` makes the optimiser, with the learning rate `lr`. **Adam** divides each weight's
-#   steps by the usual size of its slopes, so that all weights take steps of similar length, and
-#   shorter ones while the sign of a slope keeps flipping.
+#   steps by the usual size of the slopes for that weight, so that all weights take steps of similar
+#   length.
 # - `loss = …` is the forward pass, in which PyTorch notes each operation. The loss is a mean over a
-#   **minibatch**, because using all examples would be slower, and using a single one too noisy.
+#   **minibatch**, because all examples would take longer, and a single one would be too noisy.
 # - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
 #   them.
 # - `loss.backward()` is backpropagation.
@@ -187,8 +188,8 @@ def train(model, x, y, updates=400):
 # ## 5.5 A window that moves
 #
 # Move the neuron of 5.1 like a window across a larger picture, and write down its output at each
-# place. This is a **convolution**, and the weights are its *kernel*. (Signal processing calls it a
-# *cross-correlation*; for kernels that are learned, the difference does not matter.)
+# place. This is a **convolution**, and the weights are its *kernel*. (Strictly, this is a
+# *cross-correlation*; for learned kernels, the difference does not matter.)
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -199,25 +200,24 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # %% [markdown]
 # Blue marks the building's western edge; red, its eastern one. The window has four positions along
 # each side; in general, a kernel of $k$ cells on a side turns $n$ cells into $n-k+1$. A rim of
-# zeros (**padding**) would keep the size; the agent's network has none. The same nine weights are
+# zeros (**padding**) would keep the size; the agent's network uses none. The same nine weights are
 # used everywhere (**weight sharing**), so what they learn in one place holds in all others. If the
 # building moves one cell east, so does the result (**translation equivariance**).
 #
 # In the agent's first convolution, each of the 16 kernels has 5×5 weights for each of the map's
 # five layers, and makes one new picture, a **feature map**, for the second convolution.
 #
-# The number of cells by which the window moves each time is the **stride**. With a stride of 3 the
-# result has a third as many cells on each side, which saves work and weights. But the result moves
-# along exactly only if the building moves by three cells.
+# The number of cells by which the window moves each time is the **stride**. A stride of 3 instead
+# of 1 leaves about a third of the cells on each side, which saves work and weights.
 #
 # Many networks for pictures use **pooling**: of each small window they keep only the largest number
-# or the mean. That suits the question *whether* something is in the picture. Here it matters
-# *where* it is, so our network has none.
+# or the mean. Our network has no pooling, because it has to know *where* things are, not only
+# *whether* they are there.
 #
 # ### What a unit can see
 #
 # Each number in a layer's output is a *unit*. How much of the map does a unit of the second
-# convolution see? Its slope is 0 for every cell on which it does not depend:
+# convolution see? Its slope with respect to a cell on which it does not depend is 0:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -232,24 +232,25 @@ seen = (maps.grad[0].abs().sum(0) > 0).int()
 draw_maps({"what it sees": seen}, uav=(15, 15))
 
 # %% [markdown]
-# The blue square is the unit's **receptive field**: 17 of 31 cells on each side. Along a side, the
-# unit sees 5 units of the first convolution, which lie 3 cells apart because of the stride, and
-# each of these sees 5 cells, so $5+4\cdot3=17$.
+# The blue square is the unit's **receptive field**: 17 of 31 cells on each side. Along each side,
+# the unit sees 5 units of the first convolution. Their windows are 5 cells wide and 3 cells apart,
+# so together they cover $5+4\cdot3=17$ cells.
 #
-# The square lies off centre because the windows begin in the north-western corner. Nine of them, 3
-# cells apart, reach $8\cdot3+5=29$ cells; a tenth does not fit. Hence the agent's network **never
-# reads the last two rows and columns**: it cannot see a device 14 or 15 cells south or east of the
-# UAV, and more than a quarter of the missions over Manhattan begin with one there. (The paper's
-# strides of 1 leave nothing out, but let the unit see only $5+4=9$ cells on each side.) Our stride
-# makes an update about eight times cheaper; what the strip costs has not been measured.
+# The square lies off centre because the windows begin in the north-western corner. Along a side of
+# 31 cells, nine windows cover $8\cdot3+5=29$ cells, and a tenth window would not fit. Hence the
+# agent's network **never reads the last two rows and columns**: it cannot see a device 14 or 15
+# cells south or east of the UAV, and more than a quarter of the missions over Manhattan begin with
+# a device there. Our stride makes an update about eight times cheaper; how much the unread strip
+# matters has not been measured.
 #
 # ## 5.6 One question, three networks
 #
 # We ask three networks one question: **is a device near the UAV**, within three rows and three
-# columns? The answer is +1 if so, −1 if not. Our 8000 examples are pairs of a device's cell and a
-# UAV's cell; in half of them the device is near. Every other pair is for training; the rest, for
-# the test. *In place*, a map has two layers, one with a 1 in the device's cell and one with a 1 in
-# the UAV's. *Centred*, it has only one, with a 1 at the device's position relative to the UAV.
+# columns? The answer is +1 for yes and −1 for no. Our 8000 examples are pairs of a device's cell
+# and a UAV's cell; in half of them the device is near. Every other pair is used for training, the
+# rest for the test. A map *in place* has two layers, one with a 1 in the device's cell and one with
+# a 1 in the UAV's. A *centred* map has only one layer, with a 1 at the device's position relative
+# to the UAV.
 
 # %%
 from uavdh_lite.course.near_far import near_pairs
@@ -258,7 +259,7 @@ in_place, centred, y = near_pairs()
 
 # %% [markdown]
 # A dense network and one with two convolutions see the map in place; another dense network sees the
-# centred map. Which will succeed?
+# centred map. Which ones will succeed?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -285,26 +286,26 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # %% [markdown]
 # The **dense network in place** does well in training and poorly in the test. It has learned its
 # training pairs by heart, and guesses at new ones. This is **overfitting**: the network fits its
-# examples better than the world that they come from. A weight of its first layer belongs to an
+# examples better than the world that they come from. A weight of the first layer belongs to an
 # absolute place, such as "device at (4, 7)". Whether a device there is near depends on where the
-# UAV is, so what the network learns about one pair tells it little about the next. More examples
-# would help, and so would stopping when the results on unseen examples get worse (**early
-# stopping**).
+# UAV is, so what the network learns about one pair tells it little about another. More examples
+# would help, and so would stopping the training when the results on unseen examples get worse
+# (**early stopping**).
 #
-# The **convolutions** avoid this problem. Their window sees the UAV and a near device *together*,
-# wherever in the city they are. With the **centred** map even the dense network is nearly perfect,
-# because the question has become trivial: is the device in a certain square of the picture? There
-# are only 961 such pictures, so 19 in 20 of the test had been in the training.
+# The **convolutions** avoid this problem. One window sees the UAV and a near device *together*,
+# anywhere in the city. With the **centred** map even the dense network is nearly perfect, because
+# the question has become trivial: is the device in a certain square of the picture? Only 961
+# different centred maps exist, so 19 in 20 of those in the test had occurred in training.
 #
-# What, then, does centring add? A convolution compares only what lies within its window. "Is it
-# near?" fits into a window; "can I still reach the landing zone in time?" does not, because the
-# zone may be a whole city away. In the centred frame every displacement from the UAV is a single
-# place in the picture, so a single weight can ask for it.
+# What, then, does centring add? A convolution compares only what lies within its window. One window
+# can show whether a device is near, but not whether the landing zone can still be reached in time,
+# because that zone may be a whole city away. In the centred frame every displacement from the UAV
+# is a single place in the picture, so a single weight can ask about it.
 #
 # ## 5.7 The whole network
 #
-# The last layer has six neurons, so a single pass gives all six Q-values. These neurons have no
-# ReLU, because a Q-value may be negative.
+# The last layer has six neurons, so a single forward pass gives all six Q-values. These neurons
+# have no ReLU, because a Q-value may be negative.
 #
 # | layer | output with the recipe `paper` (authors' code) | output in our agent |
 # | --- | --- | --- |
@@ -316,19 +317,19 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # | output | 6 | 6 |
 # | weights in all | 2,308,854 | 246,006 |
 #
-# Layer normalisation shifts and scales the 256 sums to mean 0 and standard deviation 1, so that
-# none is too large for the next layer; two learned numbers for each sum then adjust it. The flying
-# time belongs to no cell, so it joins the list after the convolutions.
+# Layer normalisation shifts and scales a layer's 256 weighted sums to mean 0 and standard deviation
+# 1, so that none is too large for the next layer; two learned numbers for each sum then adjust it.
+# The flying time belongs to no cell, so it joins the list after the convolutions.
 #
-# Nearly all of the paper's weights are in the first dense layer, 256 neurons with 8465 inputs each,
-# so the network fits only one size of *city*.
+# Nearly all weights of the paper's network are in its first dense layer: 256 neurons with 8465
+# inputs each. The number of inputs depends on the map, so the network fits only one size of *city*.
 #
 # ## Recap
 #
 # - Gradient descent moves each weight downhill; backpropagation finds all slopes in one backward
 #   pass.
-# - A convolution moves one neuron across a picture, so what it learns in one place holds in others.
-#   With centred maps this is true even of a dense network.
+# - A convolution moves one neuron across a picture, so what the neuron learns in one place holds in
+#   all others. With centred maps this is true even of a dense network.
 #
 # ## Exercises
 #

@@ -42,7 +42,7 @@ from uavdh_lite.course import checks
 #
 # $$L(w, b) = \frac{1}{n} \sum_{k=1}^{n} (w x_k + b - y_k)^2.$$
 #
-# - `x`, `y`: arrays of $n$ inputs and of the $n$ outputs that belong to them
+# - `x`, `y`: arrays of $n$ inputs and of the $n$ right outputs
 # - `rate`: the learning rate
 # - `steps`: the number of steps of gradient descent, each of which uses all examples
 #
@@ -51,14 +51,15 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Hint</summary>
 #
-# You need two slopes. Keep the error $w x_k + b - y_k$ of each example in an array. How does the
-# square of the error change if $w$ grows a little? And if $b$ does?
+# You need two slopes, one for $w$ and one for $b$. Keep the error $w x_k + b - y_k$ of each example
+# in an array. How does the square of the error change if $w$ grows a little? How does it change if
+# $b$ grows a little?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
 # The slope for $w$ is the mean of 2 · error · x, and the slope for $b$ is the mean of 2 · error.
-# Compute both before you change either.
+# Compute both slopes before you change $w$ or $b$.
 # </details>
 
 # %%
@@ -129,11 +130,11 @@ checks.convolve(convolve)
 # gives one Q-value for each of the six actions. These are the network's parts, in order:
 #
 # - convolutions, one for each number in `strides`, each with `kernels` kernels of
-#   `kernel_size`×`kernel_size` cells. A kernel sees all the layers that its convolution is given:
-#   in the first convolution those of the map, in a later one a layer for each kernel of the
-#   convolution before it. There is no padding: a kernel is placed only where it lies wholly inside
-#   its input. It starts in the corner and moves on by `stride` cells each time, along the rows and
-#   the columns, as long as it fits.
+#   `kernel_size`×`kernel_size` cells. A kernel sees all the layers that its convolution is given.
+#   The first convolution is given the layers of the map; a later one is given one layer for each
+#   kernel of the convolution before it. There is no padding: a kernel is placed only where it lies
+#   wholly inside these layers. It starts in the north-western corner and moves on by one stride
+#   each time, along the rows and the columns, as long as it fits.
 # - flattening into a list, to which the flying time is appended as one more number.
 # - fully connected layers, one for each number in `hidden`, with that many neurons.
 # - a fully connected output layer.
@@ -150,28 +151,29 @@ checks.convolve(convolve)
 # An example, counted by hand: M = 2, so the map has 3×3 cells; we give it 2 layers. There is one
 # convolution, with 3 kernels of 2×2 cells and stride 1. Each kernel sees both layers, so it has 2 ·
 # 2 · 2 = 8 weights and a bias, which makes 3 · 9 = 27 numbers for the convolution. A kernel fits at
-# 2×2 places, so each makes a layer of 2×2 numbers, and there are 3 such layers. Flattened, these
-# are 12 numbers, or 13 with the flying time. A hidden layer of 4 neurons then has 4 · (13 + 1) = 56
-# numbers, and the output has 6 · (4 + 1) = 30. In all, `weights(2, 2, 3, 2, (1,), (4,))` is
-# 27 + 56 + 30 = 113. If there were a second convolution, it would see these 3 layers, not the
-# 2 of the map.
+# 2×2 places, so each kernel makes a layer of 2×2 numbers, and there are 3 such layers. Flattened,
+# these are 12 numbers, or 13 with the flying time. A hidden layer of 4 neurons then has 4 · (13
+# + 1) = 56 learned numbers, and the output has 6 · (4 + 1) = 30. In all, `weights(2, 2, 3, 2, (1,),
+# (4,))` is 27 + 56 + 30 = 113. If there were a second convolution, it would see these 3 layers, not
+# the 2 of the map.
 #
 # Try to do the count with plain arithmetic and without torch, because counting is the point of the
 # exercise. For the paper's network in a city with M = 16 the result is 2,308,854.
 #
 # <details><summary>Hint</summary>
 #
-# Follow the shape of the map through the network and write it down in a table: the number of layers
-# and the side before and after each convolution, then the length of the list, then the neurons of
-# each fully connected layer. Each kernel and each neuron has a bias.
+# Follow the numbers through the network, and write down their shape at each point in a table:
+# before and after each convolution, the number of layers and the side of a layer; then the length
+# of the list; then the number of neurons of each fully connected layer. Each kernel and each neuron
+# has a bias.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
 # A convolution has c·k·k weights and one bias for each kernel, where c is the number of layers that
-# it gets and k the kernel's side; it leaves (side − k) // stride + 1 cells along each side. The
-# list has kernels · side² numbers and the flying time. A fully connected layer from n to m neurons
-# has n·m + m numbers. The output has 6 neurons.
+# the convolution is given and k the kernel's side; it leaves (side − k) // stride + 1 cells along
+# each side. The list has kernels · side² numbers and one more for the flying time. A fully
+# connected layer from n to m neurons has n·m + m numbers. The output has 6 neurons.
 # </details>
 
 # %%
@@ -194,5 +196,5 @@ def weights(layers, size, kernels, kernel_size, strides, hidden):
 checks.network_weights(weights)
 
 # %% [markdown]
-# Print how many of these numbers are in the first fully connected layer, with strides of 1 and with
-# strides of 2. This is the layer that grows with the map.
+# Print how many of the learned numbers belong to the first fully connected layer, with strides of 1
+# and with strides of 2. This is the layer that grows with the map.
