@@ -4,8 +4,8 @@
 # **Five devices hold data. A drone has 67 units of time to collect their data and get home. Who
 # decides where it flies?**
 #
-# Here a neural network does. Nobody gave it a route. The picture shows one of its flights; section
-# 0.2 explains how to read it.
+# Here a neural network does. Nobody gave it a route. The picture below shows one of its flights;
+# section 0.2 explains how to read it.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -55,7 +55,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # time. The aim is to collect as much data as possible and to land before the time runs out. If the
 # UAV is still in the air when the time runs out, it *crashes*.
 #
-# Flying right up to every device wastes time, because a radio signal reaches far down an open
+# Flying right up to every device wastes time, because a radio signal carries far along an open
 # street. Waiting at a distance wastes time, too, because far from a device the data comes in
 # slowly. The best route is a compromise between the two. It is different for every *mission*: a
 # mission says where the devices are and how much data they hold, where the UAV starts, and how much
@@ -71,11 +71,11 @@ trajectory_figure(environment, flights.trajectory(0))
 # learning**.
 #
 # The full name of this agent is `manhattan_ddqn`, but in this course we simply call it **the
-# agent**. The library contains other agents. We use this one because it was trained with the method
-# that the course teaches, the *double deep Q-network* or **DDQN**. The course follows a 2020
-# article by Bayerlein and others, which uses this method to collect data with a UAV; we call this
-# article *the paper*. Our agent was trained with a strengthened version of the paper's method, and
-# notebook 7 says what was changed.
+# agent**. The course's library, `uavdh_lite`, contains other agents. We use this one because it was
+# trained with the method that the course teaches, the *double deep Q-network* or **DDQN**. The
+# course follows a 2020 article by Bayerlein and others, which uses this method to collect data with
+# a UAV; we call this article *the paper*. Our agent was trained with a strengthened version of the
+# paper's method, and notebook 7 says what was changed.
 #
 # ## 0.2 Reading a flight
 #
@@ -91,18 +91,18 @@ play(environment, flights.trajectory(0))
 #
 # - The white **triangle** marks the start, and the **diamond** marks the landing. Both lie in blue
 #   landing zones.
-# - Each **cross** is a device. The number beside it says how much data the device holds at the
-#   start. (In the player, the number on a device is its name.)
+# - Each **cross** is a device. The number beside it says how many data units the device holds at
+#   the start. (In the player, the number on a device is its name.)
 # - Each **arrow** is one step, which takes one unit of time. Its colour shows which device sent the
 #   most data during that step; black means that no device sent anything. Arrows are drawn a little
 #   to one side of the cells' centres, so that you can tell the way out from the way back.
 #   A **ring** marks hovering.
 # - A **thick** arrow means a lot of data; a thin one, only a little.
 # - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices
-#   are hidden from that cell.
+#   are hidden from the cell.
 #
 # Follow the arrows. Does the agent fly over every device, or does it empty some of them in passing,
-# from a distance? Where does it turn, and in which of the zones does it land?
+# from a distance? Where does it turn back, and in which landing zone does it land?
 #
 # Here is the same flight in numbers:
 
@@ -117,16 +117,16 @@ for name, values in flights.records().items():
 # | --- | --- |
 # | `landed` | 1 if the UAV landed in time, else 0 |
 # | `collected` | the collected share of all data, from 0 to 1 |
-# | `collected_and_landed` | the product of these two |
+# | `collected_and_landed` | `landed` times `collected` |
 # | `return` | the sum of all rewards: data collected, minus 0.2 for each step but the landing, minus penalties |
 # | `time_used` | the share of the flying time that was used |
 # | `safety_interventions` | how often a forbidden action was refused |
 #
 # The score to watch is `collected_and_landed`, because data that goes down with the UAV counts for
 # nothing. The return would not be a fair score by itself: it is large whenever a mission offers a
-# lot of data, and it depends on penalties that people chose. Nor does any of the six say how fairly
-# the devices were served; where that matters, also report the share collected from the device that
-# came off worst.
+# lot of data, and it depends on penalties that people chose. Nor does any of the six metrics say
+# how fairly the devices were served; where fairness matters, also report the collected share of the
+# worst-served device.
 #
 # The UAV may not leave the map, fly into a tall building or a no-fly zone, or land outside the
 # landing zones. If it tries to, the *safety controller* makes it hover instead. Notebook 3 comes
@@ -135,7 +135,7 @@ for name, values in flights.records().items():
 # ## 0.3 Set a mission yourself
 #
 # A mission over this city has two to five devices and 35 to 70 units of time. Each device holds 5
-# to 20 data units (notebook 1 defines them). All of this is drawn at random, and so are the
+# to 20 data units (notebook 1 defines the unit). All of this is drawn at random, and so are the
 # positions of the devices and the start, which is one of the eight landing cells. The agent flies
 # any such mission without further training.
 #
@@ -152,7 +152,8 @@ trajectory_figure(environment, flights.trajectory(0))
 # With so much time the agent can collect everything. The caption says whether it did, and how much
 # of its time it used.
 #
-# Now halve the time. Run the next cell and make your prediction before you fly the mission:
+# Now we halve the flying time. Run the next cell and make your prediction before you fly the
+# mission:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -171,7 +172,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # different streets and ends in the other landing zone. Which device does the agent give up? Look
 # for the colour whose arrows are all thin. Nobody wrote a rule that says which device to give up.
 # The time left is one of the things that the agent sees, and training has taught it what to do when
-# little is left.
+# time is short.
 #
 # Change the devices, the data or the time in the cells above and run them again.
 #
@@ -182,9 +183,9 @@ trajectory_figure(environment, flights.trajectory(0))
 #
 # - **greedy** flies to the nearest device that still has data. When it has just enough time left to
 #   get home, it turns back. It does not learn; it was given a street map and this rule.
-# - **random** picks one of the six actions at random, again and again.
+# - **random** picks one of the six actions at random in every step.
 #
-# Now all three fly the hurried mission. Press play:
+# Now all three pilots fly the hurried mission. Press play:
 
 # %%
 names = ("manhattan_ddqn", "greedy", "random")
@@ -201,7 +202,7 @@ for name, each in flown.items():
 # its visits does not depend on how much time there is. The random pilot wanders about, and lands as
 # soon as it happens to draw `land` in the right place.
 #
-# One flight proves nothing, though. We picked this mission, and in others greedy beats the agent. A
+# One flight proves nothing, though. We chose this mission, and in others greedy beats the agent. A
 # fair race needs many missions, drawn at random and the same for all three.
 #
 # ## 0.5 Two thousand missions
@@ -226,28 +227,28 @@ for metric in scores["random"]:
     print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# (In the 1000 other missions of notebook 8 the agent does worse than here; that notebook says which
-# result to trust.) Read the columns from right to left.
+# Read the columns from right to left.
 #
 # **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data.
 # A high `landed` alone does not make a good pilot, and `collected_and_landed` shows how little this
 # one achieves.
 #
 # **Greedy** never crashes, because its rule takes it home in time, and it collects nearly
-# everything. In this city it is a strong rival. Good rules often are.
+# everything. In this city it is a strong rival.
 #
-# **The agent** comes close to greedy but does not overtake it. Consider what each of them was told.
-# Both see the street map. Greedy was also given the shortest routes, and a rule that a person had
-# thought up. Nobody told the agent what the map means. Its network started with random weights, and
-# from rewards alone the agent has learned to fly to data, to turn back and to land, in *this* city.
-# How much of this is understanding, and how much is merely learned by heart, is a question for
-# notebook 8.
+# **The agent** comes close to greedy but does not overtake it. (In the 1000 other missions of
+# notebook 8 the agent does worse than here; that notebook says which result to trust.) Consider
+# what each of them was told. Both see the street map. Greedy was also given the shortest routes,
+# and a rule that a person had thought up. Nobody told the agent what the map means. Its network
+# started with random weights, and from rewards alone the agent has learned to fly to data, to turn
+# back and to land, in *this* city. How much of this is understanding, and how much is merely
+# learned by heart, is a question for notebook 8.
 #
-# A rule of a few lines, then, beats a network that took millions of steps to train. **Why learn at
-# all?** Keep this question in mind until 9.7 answers it. Here are two hints: somebody had to think
-# up the rule, and that somebody knew what the map means. Not every task has such an author. In the
-# last notebook of the course, one agent will beat the rule, and another will fly over a city that
-# you typed in only a minute before.
+# A rule of a few lines of code, then, beats a network that took millions of steps to train. **Why
+# learn at all?** Keep this question in mind until section 9.7 answers it. Here are two hints:
+# somebody had to think up the rule, and had to know what the map means. Not every task has somebody
+# who can do both. In notebook 9, one agent will beat the rule, and another will fly over a city
+# that you typed in only a minute before.
 #
 # A mean hides a lot, so look at individual flights, too. Of the agent's two thousand flights, this
 # is the one that brought home the smallest share of the data:
@@ -259,9 +260,9 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # %% [markdown]
 # The agent empties the near device and goes home with nearly half of its time unused, although the
 # two devices in the east still hold nearly all of their data. Nobody can say which of the weights
-# in its network are to blame. Even this flight ended in a landing zone, as all two thousand did,
+# in its network cause this. Even this flight ended in a landing zone, as all two thousand did,
 # although nothing forces the agent to land. (Had it crashed, the picture would show a red star, and
-# the flight would score 0, however much data the caption says had been collected.)
+# the flight would score 0, however much data it had collected.)
 #
 # Does this agent always land, then? Two thousand landings in a row do not prove it. Even a pilot
 # that crashes in one mission out of a thousand would manage such a run about once in seven tries.
@@ -272,7 +273,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 #
 # The agent sees the map of the city, its own position, the positions of the devices, how much data
 # each of them still has and has already sent, and the time left. It does not see the violet
-# shadows. It can only have noticed them in training, where little reward came in behind buildings.
+# shadows. It can have noticed them only in training, where little reward came in behind buildings.
 # Nor does it know the formulas of the radio channel. It makes no plan, either. At every step it
 # asks afresh which of the six actions looks most promising.
 #
@@ -296,8 +297,8 @@ for action, value in zip(ACTIONS, q_values):
 # Here is the plan of the course. Notebooks 1 and 2 show what the radio channel does. Notebook 3
 # says what a step is and what it earns. Notebooks 4 and 5 show what the network sees and how it
 # computes, and notebooks 6 and 7 how it learns and what can go wrong. Notebook 8 asks what the
-# agent has learned, and in notebook 9 an agent beats the rule. In the exercises along the way, you
-# program the main steps of all this yourself.
+# agent has learned, and in notebook 9 an agent beats the rule. In the exercises you program the
+# main parts yourself.
 #
 # The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
 # In the lab *Fly* you can fly against the agent yourself, with the arrow keys.
@@ -305,10 +306,9 @@ for action, value in zip(ACTIONS, q_values):
 # ## Recap
 #
 # - The task is to collect as much data as possible and to land before the flying time runs out.
-# - An arrow has the colour of the device that sends the most data. Violet cells lie in the radio
-#   shadow of buildings.
-# - One network flies every mission over this city, and takes a different route when the time is
-#   short.
+# - An arrow has the colour of the device that sent the most data in that step. Violet cells lie in
+#   the radio shadow of buildings.
+# - One network flies every mission over this city, and takes a different route when time is short.
 # - `collected_and_landed` is the score: data counts only if the UAV lands.
 # - A comparison needs rivals and many missions. Greedy is a strong rival, and random is a weak one.
 #

@@ -5,7 +5,7 @@
 #
 # The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets
 # data quickly, and over a dark one it gets hardly any. It may not fly over the grey buildings or
-# the hatched zone. By the end you will be able to compute every one of these colours, if you are
+# the hatched zone. By the end you will be able to compute the rate behind every colour, if you are
 # told which cells are in sight of the device.
 
 # %% tags=["remove-cell"]
@@ -116,25 +116,25 @@ ax.legend()
 figure
 
 # %% [markdown]
-# On a logarithmic axis both losses are straight lines. Ten times the distance costs 22.7 dB in
-# sight and 36.4 dB behind a building. The gap between the lines is what the building costs. At 100
-# m that is 27.4 dB: the signal is some 550 times weaker.
+# Over a logarithmic axis of distance, both losses are straight lines. Ten times the distance adds
+# 22.7 dB in sight and 36.4 dB behind a building. The gap between the lines is the loss that a
+# building adds. At 100 m this gap is 27.4 dB: the signal is some 550 times weaker.
 #
 # The distance $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground is
-# $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device $d$ is 10 m. Why
-# not fly higher? At a height of 100 m every $d$ is 100 m or more. Directly above the device, that
-# would cost another 22.7 dB. It would also make near and far almost the same, so there would be
-# little reason to fly anywhere. (In reality the UAV would see over the roofs from up there, but our
-# model ignores that.)
+# $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device, $d$ is 10 m. Why
+# not fly higher? At a height of 100 m, every $d$ is 100 m or more. Directly above the device, this
+# height would cost another 22.7 dB. It would also make all distances similar, so there would be
+# little reason to fly anywhere. (In reality the UAV would see over the roofs, but our model ignores
+# that.)
 #
 # ## 1.3 The link budget
 #
-# How strong is the transmitter? Instead of $P/\sigma^2$, the paper states the *cell-edge SNR*. This
-# cell is not one of our grid cells, but the area that a base station of a phone network serves,
-# which here is the whole map. An unobstructed link along the ground, from the middle of the map to
-# a device in a corner, has an SNR of −15 dB. (This definition leaves out the height, which every
-# link below includes.) From this, $P/\sigma^2$ follows. Take the distance, compute the loss, and
-# add it to the SNR at the corner:
+# How strong is the transmitter? Instead of $P/\sigma^2$, the paper states the *cell-edge SNR*. The
+# “cell” in this term is not one of our grid cells, but the area that a base station of a phone
+# network serves, which here is the whole map. An unobstructed link along the ground, from the
+# middle of the map to a device in a corner, has an SNR of −15 dB. (This definition leaves out the
+# height, which every link below includes.) To find $P/\sigma^2$, take this distance, compute the
+# path loss, and add it to the SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2
@@ -144,11 +144,11 @@ assert np.isclose(budget_db, channel.transmit_snr_db(16))
 
 # %% [markdown]
 # We call $P/\sigma^2$ in decibels the *link budget*. It is the SNR that a link would have at 1 m,
-# and path loss eats into it. (Elsewhere, “link budget” often means the whole calculation, losses
+# and path loss reduces it. (Elsewhere, “link budget” often means the whole calculation, losses
 # included.)
 #
-# A link behind a building has the same budget, because the transmitter does not know what stands in
-# the way. Apart from luck, any SNR now takes one subtraction:
+# A link behind a building has the same budget, because its transmitter is no weaker and its
+# receiver no noisier. Apart from luck, one subtraction now gives any SNR:
 
 # %%
 def snr_db(ground_m, exponent):
@@ -167,15 +167,15 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 #
 # data units. (In real systems $R$ is the *spectral efficiency*, in bits per second per hertz.)
 # There are four such slots in the time that one move takes. When signal and noise are equally
-# strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This defines the data unit of the
-# course.
+# strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This amount is the course's data
+# unit.
 #
 # Why a logarithm? If a slot is to carry one unit more, the receiver must tell twice as many
 # different signals apart in the same noise. Signals are points in a plane, so twice as many fill
-# twice the area, and the area grows with the power. To *add* one unit of data at a high SNR, you
+# twice the area, which is proportional to the power. To *add* one unit of data at a high SNR, you
 # therefore have to *multiply* the power by two.
 #
-# First predict:
+# First make a prediction:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -200,14 +200,14 @@ for distance in (0, 10, 20, 30, 100):
     print(f"{distance:>4} m: {los:.3f} data units per slot in sight, {nlos:.4f} behind a building")
 
 # %% [markdown]
-# - **Twice as far** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR each loss of 3
-#   dB takes one unit away from a slot, however many units the slot carried before. At a low SNR the
-#   rate is proportional to the SNR, so doubling the distance reduces it to a fifth in sight and to
-#   a twelfth behind a building.
-# - **Near is fast.** Three cells away and in sight, the UAV gets about a fifth of what it gets
+# - **Twice the distance** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR each
+#   loss of 3 dB takes one unit away from a slot, however many units the slot carried before. At a
+#   low SNR the rate is proportional to the SNR, so doubling the distance reduces the rate to a
+#   fifth in sight and to a twelfth behind a building.
+# - **Near is fast.** Three cells away and in sight, the UAV gets data about a fifth as fast as
 #   directly above the device.
-# - **Far still counts.** A hundred metres down a street, little arrives in a slot, but the slots
-#   add up while the UAV flies on.
+# - **Far still counts.** A hundred metres down a street, little data arrives in a slot, but it adds
+#   up while the UAV flies on.
 # - **A building all but ends the link.** Even at a distance of 10 m on the ground it cuts the data
 #   by more than nine tenths.
 #
@@ -215,14 +215,14 @@ for distance in (0, 10, 20, 30, 100):
 #
 # Trees, signs and vehicles make a signal stronger or weaker than the distance alone would suggest.
 # This is called *shadow fading*. Despite its name, it has nothing to do with the violet shadows of
-# notebook 0, which are cast by buildings on the map: fading stands for what is not on the map.
-# (Reflections add *multipath fading*, which changes within centimetres; the paper leaves it out.)
-# The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean 0, drawn
-# anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a building. Why
-# normal, and why in decibels? Each obstacle multiplies the power by some factor, so in decibels the
-# effects add up, and a sum of many independent effects is nearly normal. Such a power is called
-# *log-normal*. The paper calls the variance $\sigma_l^2$; do not confuse it with $\sigma^2$, the
-# power of the noise.
+# notebook 0, which are cast by buildings on the map: fading stands for things that the map does not
+# show. (Reflections add *multipath fading*, which changes within centimetres; the paper leaves it
+# out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean 0,
+# drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a building.
+# Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so in decibels
+# the effects add up, and a sum of many independent effects is nearly normal. A power that is normal
+# in decibels is called *log-normal*. The paper calls the variance $\sigma_l^2$; do not confuse it
+# with $\sigma^2$, the power of the noise.
 #
 # In a real street shadow fading is *correlated*: the tree that is in the way now is still in the
 # way one step later, so the fading stays similar over tens of metres. The paper nevertheless draws
@@ -236,8 +236,8 @@ for distance in (0, 10, 20, 30, 100):
 Quiz("luck_on_average")
 
 # %% [markdown]
-# To find the mean rate, average the rate over all amounts of luck, each weighted by how likely the
-# normal distribution makes it.
+# To find the mean rate, average the rate over all amounts of luck, each weighted by its probability
+# density.
 
 # %%
 luck_db, mean_db = np.linspace(-12, 12, 481), snr_db(30, 2.27)
@@ -251,9 +251,9 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
     assert lucky > rate(alone)
 
 # %% [markdown]
-# In line of sight, fading helps a little; behind a building it raises the rate by about a seventh.
-# The next figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck
-# to one with good luck. (6 dB of luck, good or bad, is very rare.)
+# In sight, fading helps a little; behind a building it raises the rate by about a seventh. The next
+# figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
+# with good luck. (6 dB of luck, good or bad, is very rare.)
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -268,15 +268,15 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Because the curve bends upwards (it is *convex*), the mean of the two slots, which lies on the
-# dashed line, is above the curve: good luck gains more than bad luck loses. This is an example of
-# *Jensen's inequality*.
+# Because the curve bends upwards (it is *convex*), the mean rate of the two slots, which lies on
+# the dashed line, is above the curve: good luck gains more than bad luck loses. This is *Jensen's
+# inequality*.
 #
 # Textbooks often say the opposite, that fading *lowers* the rate. They compare links with the same
 # mean SNR, and as a function of this ratio, rather than of decibels, the rate bends downwards. Here
 # the mean is fixed in decibels, so fading raises the mean SNR, by 5 % in sight and by 14 % behind a
-# building (the mean of $10^{\eta/10}$ over a normal $\eta$), and that is more than the bend takes
-# away.
+# building (the mean of $10^{\eta/10}$ over a normal $\eta$). This gain exceeds the loss from the
+# downward bend.
 #
 # The UAV cannot foresee luck. It can only choose places that are good on average.
 #
@@ -303,18 +303,18 @@ for name, ground, exponent in (
 #   tenth as much data.
 # - Round the corner, fetching the data would take longer than any flight lasts.
 #
-# The answer to the question at the top is therefore: anywhere that is *in sight* of the device and
-# not too far away. Where that is depends on the buildings, and the agent is never told. In the lab
-# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch the rates change.
+# The answer to the question at the top is: anywhere *in sight* of the device and not too far away.
+# Which places these are depends on the buildings, and nobody tells the agent. In the lab *Channel*
+# (`python -m uavdh_lite app`) you can drag a device and watch the rates change.
 #
 # ## Recap
 #
 # - Three yes-or-no layers describe the city.
-# - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
+# - The SNR in dB is the link budget, minus the path loss $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
 # - At a ground distance of 10 m or more from the device, a building in between costs more than nine
 #   tenths of the data.
-# - Fading is luck in decibels. On average it helps, because the rate is convex in decibels.
+# - Fading is luck in decibels. On average it raises the rate, which is convex in decibels.
 #
 # ## Exercises
 #

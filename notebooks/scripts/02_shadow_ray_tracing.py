@@ -3,9 +3,9 @@
 #
 # **Where must the UAV be to see a device, and how can a program know?**
 #
-# The code below puts a device at the cross. In violet cells a building blocks the view. To colour
-# this map, a program follows one straight ray from the device to each cell and asks what the ray
-# crosses. The hard part is getting the answer right every time.
+# The code below puts a device at the cross. Over a violet cell, a building blocks the UAV's view of
+# the device. To colour this map, a program follows one straight ray from the device to each cell
+# and asks what the ray crosses. The hard part is getting the answer right every time.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -40,24 +40,25 @@ figure
 # | | |
 # | --- | --- |
 # | **What you'll do** | Follow one ray with a pencil, turn what you see into a test with whole numbers, and map the shadows of a whole city |
-# | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and what a table of all pairs is good for |
+# | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and what a table of all pairs of cells is good for |
 # | **What you'll need** | Notebook 1, the equation of a line. 35 minutes to read, 10 seconds to run; 30 minutes of exercises |
 #
-# Move the device: change `(7, 9)`, run the cell again, and watch the shadows turn.
+# Move the device: change `(7, 9)`, run the cell again, and watch the shadows change.
 #
 # ## 2.1 One ray
 #
 # A link runs in a straight line from the middle of the device's cell to the middle of the cell
 # below the UAV. It is blocked if, seen from above, this line crosses the inside of a building. It
 # is also blocked if the line would have to slip through the corner that two diagonally adjacent
-# buildings share. A blocked link is NLoS, and notebook 1 says what that costs. (The link is weak
-# but not dead, because some of the signal still arrives by reflection and by bending round edges,
-# which is called *diffraction*.)
+# buildings share. A blocked link is NLoS, and notebook 1 says how much weaker it is than a link in
+# sight. (It is not dead, because some of the signal still arrives by reflection and by bending
+# round edges, which is called *diffraction*.)
 #
-# The model is flat: it ignores height. In a city with low buildings, such as `harbour`, a UAV above
-# one of them has no device in sight, although from a real roof you could look down into the street.
-# That is a simplification. With heights, one would have to ask for each building under the ray
-# whether the ray, which climbs evenly from the device to the UAV, is still below the roof there.
+# The model is flat: to keep things simple, it ignores height. In a city with low buildings, such as
+# `harbour`, a UAV above a low building has no device in sight, although from a real roof you could
+# look down into the street. A model with heights would have to ask, for each building under the
+# ray, whether the ray, which climbs evenly from the device to the UAV, is still below the roof
+# there.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 
@@ -87,8 +88,8 @@ figure
 # $$R\,c - C\,r = 0.$$
 #
 # On one side of the line the number $R\,c - C\,r$ is positive, and on the other side it is
-# negative. Let us therefore compute it at the corners of the cells. It is doubled here, because at
-# a corner $r$ and $c$ end in ½, and doubling makes the number whole:
+# negative. Its sign thus says on which side of the line a point lies, so let us compute it at the
+# corners of the cells. There $r$ and $c$ end in ½, so we double the number to make it whole:
 
 # %%
 from uavdh_lite.plotting import BLUE, VERMILION
@@ -106,15 +107,15 @@ for r, c in np.ndindex(R + 2, C + 2):
 figure
 
 # %% [markdown]
-# Look at the cells one by one. A crossed cell has corners on both sides of the line, some plus
-# (blue) and some minus (orange). Any other cell has four corners of the same colour, so the line
+# Look at the cells one by one. A crossed cell has corners on both sides of the line, some positive
+# (blue) and some negative (orange). Any other cell has four corners of the same colour, so the line
 # misses it. **That is the whole test.**
 #
 # A program need not look at all four corners, because the number in the middle of the cell is
-# enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (the drawing doubles its
-# numbers, this one is not doubled). From there to a corner, row and column change by ½ each, so the
-# number changes by at most $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly that,
-# up at one and down at the other. One of these corners is therefore plus and the other minus, and
+# enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (without the doubling of the
+# drawing). From there to a corner, row and column change by ½ each, so the number changes by at
+# most $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly 3.5, up at one and down at
+# the other. One of these corners therefore has a positive number and the other a negative one, and
 # the ray crosses the cell. In the middle of cell (0, 2) the number is 4. A change of 3.5 cannot
 # take it below 0, so the ray misses this cell. In general:
 #
@@ -131,12 +132,13 @@ assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 
 # %% [markdown]
 # A line goes on for ever, but our ray ends at the UAV, so we test only the cells in the rectangle
-# between its two ends.
+# between the ray's two ends.
 #
-# All numbers in the test are whole, so nothing has to be rounded. That matters. In a larger city,
-# the ray from (0, 0) to (7, 25) passes exactly through the point at row 3.5 and column 12.5, where
-# four cells meet. In ordinary floating-point numbers `7 / 25 * 12.5` is 3.5000000000000004, so the
-# ray seems to miss this point. And in a city made of squares, rays meet corners all the time.
+# All numbers in the test are whole, so nothing has to be rounded. This matters wherever a ray meets
+# a corner. In a larger city, the ray from (0, 0) to (7, 25) passes exactly through the point at row
+# 3.5 and column 12.5, where four cells meet. In ordinary floating-point numbers `7 / 25 * 12.5` is
+# 3.5000000000000004, so the ray seems to miss this point. In a city made of squares, rays often
+# meet corners.
 #
 # ## 2.2 At a corner
 #
@@ -162,10 +164,11 @@ figure
 
 # %% [markdown]
 # One building that touches the ray at a corner does not block it, and neither do two buildings at
-# different corners. Two buildings at the same corner do, because walls that meet leave no gap.
+# different corners. Two buildings at the same corner do block it, because walls that meet leave no
+# gap.
 #
-# Other rules are possible. What matters is that there is a single rule, and that it gives the same
-# answer in both directions.
+# Other rules for corners are possible. What matters is that one rule holds at all corners, and that
+# it gives the same answer in both directions.
 #
 # ## 2.3 A whole city
 #
@@ -174,12 +177,12 @@ figure
 # shifts the whole layer of buildings under the ray. In this way a few array operations settle all
 # pairs of cells with this displacement.
 #
-# The result is a table with four indices, two for the cell of the device and two for that of the
-# UAV. Each entry says whether the two see each other. The table is computed only once per city,
-# because buildings do not move. During a flight the program only looks things up in it, so the
-# devices may stand elsewhere in the next mission at no extra cost. The table has $16^4 = 65{,}536$
-# entries, because every cell is paired with every cell. For a city twice as wide it has 16 times as
-# many, and the rays are twice as long.
+# The result is a table with four indices, two for the device's cell and two for the UAV's. Each
+# entry says whether a device and a UAV in these cells see each other. The table is computed only
+# once per city, because buildings do not move. During a flight the program only looks up entries of
+# the table, so the devices may stand elsewhere in the next mission at no extra cost. The table has
+# $16^4 = 65{,}536$ entries, because every cell is paired with every cell. For a city with twice as
+# many cells on each side it has 16 times as many entries, and the rays are twice as long.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
@@ -200,14 +203,14 @@ figure
 
 # %% [markdown]
 # From a building nothing is in sight. In a street you can see a long way in two directions, and at
-# a crossing in four, so crossings are mostly brighter than the stretches of street between them.
-# For a UAV the bright cells are good places, because more devices are likely to be in sight from
-# there.
+# a crossing in four directions, so crossings are mostly brighter than the stretches of street
+# between them. For a UAV the bright cells are good places, because more devices are likely to be in
+# sight from there.
 #
 # ## 2.4 Several devices
 #
-# With several devices the shadows add up. The paper's maps shade each cell by the number of devices
-# that are hidden from it:
+# With several devices the shadows add up. Here, as on the paper's maps, the shade of each cell
+# shows how many devices are hidden from it:
 
 # %%
 devices = [(4, 4), (7, 9), (14, 11)]
@@ -227,17 +230,17 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 #
 # The library is not the only program that draws such shadows. The authors of the paper trace their
 # rays by a different method, which makes mistakes; [notebook 13](13_any_city.ipynb) compares the
-# two over many cities.
+# two methods over many cities.
 #
 # ## Recap
 #
 # - A link is blocked if the ray crosses the inside of a building, seen from above.
-# - A ray crosses a cell if the cell has corners on both sides of the ray. Whole numbers decide
-#   this, without rounding.
-# - Two buildings that share a corner block the ray through that corner. One building alone does
-#   not.
-# - A table says for every pair of cells whether they see each other, and the answer is the same in
-#   both directions. The deeper the violet of a cell, the more devices are hidden from it.
+# - A ray crosses a cell if the cell has corners on both sides of the ray. Whole numbers are enough
+#   to decide this, so nothing is rounded.
+# - Two buildings that share a corner block the ray through that corner. One building alone does not
+#   block it.
+# - A table says for every pair of cells whether one is in sight of the other, and the answer is the
+#   same in both directions. The deeper the violet of a cell, the more devices are hidden from it.
 #
 # ## Exercises
 #
