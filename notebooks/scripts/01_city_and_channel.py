@@ -133,8 +133,8 @@ figure
 # “cell” in this term is not one of our grid cells, but the area that a base station of a phone
 # network serves, which here is the whole map. An unobstructed link along the ground, from the
 # middle of the map to a device in a corner, has an SNR of −15 dB. (This definition leaves out the
-# height, which every link below includes.) To find $P/\sigma^2$, take this distance, compute the
-# path loss, and add it to the SNR at the corner:
+# height, which every link below includes.) To find $P/\sigma^2$, take this link's length, compute
+# the path loss, and add it to the SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2

@@ -88,8 +88,8 @@ figure
 # $$R\,c - C\,r = 0.$$
 #
 # On one side of the line the number $R\,c - C\,r$ is positive, and on the other side it is
-# negative. Its sign thus says on which side of the line a point lies, so let us compute it at the
-# corners of the cells. There $r$ and $c$ end in ½, so we double the number to make it whole:
+# negative. Its sign thus says on which side of the line a point lies, so let us compute the number
+# at the corners of the cells. There $r$ and $c$ end in ½, so we double it to get whole numbers:
 
 # %%
 from uavdh_lite.plotting import BLUE, VERMILION
@@ -112,12 +112,12 @@ figure
 # misses it. **That is the whole test.**
 #
 # A program need not look at all four corners, because the number in the middle of the cell is
-# enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (without the doubling of the
-# drawing). From there to a corner, row and column change by ½ each, so the number changes by at
-# most $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly 3.5, up at one and down at
-# the other. One of these corners therefore has a positive number and the other a negative one, and
-# the ray crosses the cell. In the middle of cell (0, 2) the number is 4. A change of 3.5 cannot
-# take it below 0, so the ray misses this cell. In general:
+# enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (not doubled, unlike the
+# numbers in the drawing). From there to a corner, row and column change by ½ each, so the number
+# changes by at most $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly 3.5, up at one
+# and down at the other. One of these corners therefore has a positive number and the other a
+# negative one, and the ray crosses the cell. In the middle of cell (0, 2) the number is 4. A change
+# of 3.5 cannot take it below 0, so the ray misses this cell. In general:
 #
 # $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{|R| + |C|}{2}.$$
 #

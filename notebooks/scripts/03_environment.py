@@ -68,7 +68,7 @@ for name, value in vars(state).items():
 # is only one.
 #
 # Why does the state contain the time left? With 40 units of time left, flying on may be best. In
-# the same place with only 5 left, it is not.
+# the same place with only 5 units, the UAV may have to land.
 #
 # ## 3.2 Actions and one step
 #
@@ -77,8 +77,8 @@ for name, value in vars(state).items():
 #
 # A step has two parts. The first is luck: the fading of notebook 1 is drawn at random. The second
 # is a *pure function*, that is, a function without luck or memory. State, action and fading go in,
-# and the next state and the outcome of the step come out. It is therefore certain where the UAV
-# goes, and only the amount of data that comes in depends on luck.
+# and the next state and the outcome of the step come out. Fading does not change where the UAV
+# goes, so luck decides only how much data comes in.
 
 # %%
 import numpy as np
@@ -96,14 +96,14 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # $$s_{t+1} \sim p(\,\cdot \mid s_t, a_t)$$
 #
 # The sign ~ means “is drawn from”, and the dot stands for the next state. The distribution depends
-# only on the present state $s_t$ and the action $a_t$, not on how the UAV came to be there. A world
-# with this property is a **Markov decision process** (MDP). It has five parts: the states, the
-# actions, the distribution $p$, the reward (3.3), and a discount, which says how much later rewards
-# count (notebook 6). Our world has the property because fading is drawn anew in every slot; if good
-# luck came in runs, the state would have to include past luck. The time left, too, has to be in the
-# state, because it decides when the episode ends. If an agent sees only a part of such a state, the
-# process is *partially observable*, and the problem is called a **POMDP**. Such a problem is
-# usually harder, because it may help to remember what was seen earlier.
+# only on the present state $s_t$ and the action $a_t$, not on how the UAV came to this state. A
+# world with this property is a **Markov decision process** (MDP). An MDP has five parts: the
+# states, the actions, the distribution $p$, the reward (3.3), and a discount, which says how much
+# later rewards count (notebook 6). Our world is an MDP because fading is drawn anew in every slot;
+# if good luck came in runs, the state would have to include past luck. The time left, too, has to
+# be in the state, because it decides when the episode ends. If an agent sees only a part of such a
+# state, the process is *partially observable*, and the problem is called a **POMDP**. A POMDP is
+# usually harder, because the agent may need to remember what it saw earlier.
 #
 # ## 3.3 What a step earns
 #
@@ -144,11 +144,10 @@ figure
 # may bring in much more later. When data comes in after thirty steps, which of those steps deserve
 # the credit? This is the problem of **credit assignment**, and notebook 6 is about it.
 #
-# Why is data paid for when it comes in, and not on landing, as the score would have it? Because a
-# reward paid on landing would come dozens of steps after the move that earned it. A reward that is
-# paid at once goes to the step that brought in the data. The drawback is that return and score are
-# no longer the same, and only the penalty for a crash makes the agent bring its data home (notebook
-# 7).
+# Why is data paid for when it comes in, and not on landing, when the score counts it? Because a
+# reward paid on landing would come dozens of steps after the move that earned it. A reward paid at
+# once goes to the step that brought in the data. The drawback is that return and score differ, and
+# that only the penalty for a crash makes the agent bring its data home (notebook 7).
 #
 # Is 0.2 a good price for a step? At a price of 0 there would be no reason to land before the last
 # moment. At 5, most flights would cost more than they brought in. At 0.2, a detour of ten steps
@@ -171,20 +170,21 @@ for action in (NORTH, NORTH):
 
 # %% [markdown]
 # The first move is ordinary: it costs 0.2, but brings in 0.1 data units. The second would leave the
-# map, so the UAV hovers instead and pays an extra 1. The same happens when the UAV tries to enter a
-# tall building or a no-fly zone, or to land outside the landing zones. The agent of notebook 6
-# learns from the action that it chose, not from the hovering, because it is the choice that has to
-# look worse.
+# map, so the UAV hovers instead, at an extra cost of 1. The same happens when the UAV tries to
+# enter a tall building or a no-fly zone, or to land outside the landing zones. The agent of
+# notebook 6 learns from the action that it chose, not from the hovering, because it is the choice
+# that has to look worse.
 #
-# Why does a wrong move not end the episode? A beginner makes a wrong move every few steps, so its
-# episodes would hardly ever last long enough for it to collect much.
+# Why does a wrong move not end the episode? An untrained agent makes a wrong move every few steps,
+# so its episodes would rarely last long enough to collect much.
 #
-# The controller is a part of the UAV, not of the training. The trained agent still needs it,
-# because it makes a few wrong moves in every hundred missions, one in ten of them into a wall.
+# The controller is a part of the UAV, not of the training. The trained agent still needs the
+# controller, because the agent makes a few wrong moves in every hundred missions, one in ten of
+# them into a wall.
 #
 # One could also remove the forbidden actions from the agent's choices, which is called **masking**.
-# Then the agent would not need penalties to learn where the walls are. The paper lets the agent try
-# such actions and pay, so it has to learn to read the map.
+# Then the agent would not have to learn where the walls are. The paper lets the agent try such
+# actions and pay, so it must learn to read the map.
 #
 # One disaster remains: the time is up, and the UAV is still in the air. Nothing is uploaded in a
 # step that ends an episode, whether by a crash, as here, or by a landing. (The paper leaves this
@@ -199,24 +199,24 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# On average, **even a perfect pilot stays below 100 %**. Missions are drawn at random, and nobody
-# checks whether all of their data can be collected. Five devices in far corners may be too many for
-# any route of 35 units of time; a device in a courtyard may cost more to reach than its data is
-# worth; and fading may bring bad luck. Therefore compare a pilot with the best that is possible,
-# not with 100 %.
+# On average, **even a perfect pilot collects less than 100 %**. Missions are drawn at random, and
+# nobody checks whether all of their data can be collected. Five devices in far corners may be too
+# many for any route of 35 units of time; a device in a courtyard may cost more to reach than its
+# data is worth; and fading may bring bad luck. So compare a pilot with the best possible one, not
+# with 100 %.
 #
 # ## 3.5 Who may send: four slots per step
 #
 # Each step has four communication slots, because much can change within a move of 10 m: the UAV may
-# come round a corner, and the fading changes. In each slot *one* device sends: of those with data
-# left, the loudest, that is, the one with the best SNR. Sharing a channel by taking turns in time
-# is called **time division multiple access**, or TDMA (paper, eq. 3). The data that a step brings
-# in is the sum over its slots (eq. 4).
+# come round a corner, and the fading changes. In each slot *one* device sends: the loudest of those
+# with data left, that is, the one with the best SNR. Sharing a channel by taking turns in time is
+# called **time division multiple access**, or TDMA (paper, eq. 3). The data that a step brings in
+# is the sum over its slots (eq. 4).
 #
 # Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
 # some missions would be lucky from start to end, and a pilot would first have to find out by
-# measuring whether its own mission is one of them. With four draws in each step most of the luck
-# averages out, so what remains is mostly geometry.
+# measuring whether its own mission is lucky. With four draws in each step most of the luck averages
+# out, so geometry decides most.
 #
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
 # only 1.5 units of data left:
@@ -242,10 +242,10 @@ figure
 
 # %% [markdown]
 # Each column is a slot, and the coloured box in it marks the device that sends. In the first two
-# slots device 2 happens to be the loudest. In the second of them it can send only the little that
-# it still has. Then it is empty, and the loudest of the others sends.
+# slots device 2 happens to be the loudest. In slot 2 it can send only the little data that it still
+# has. Then it is empty, and the loudest of the others sends.
 #
-# The rule takes no account of how much data a device has, or of fairness. The loudest device gets
+# This rule takes no account of how much data a device has, or of fairness. The loudest device gets
 # the whole slot, even if it has only 0.1 units left to send, and a device that is never the loudest
 # never sends. The rule therefore need not give the best schedule.
 #
@@ -253,8 +253,8 @@ figure
 # a simple rule already does well. And even without such an action the agent has a say, because
 # where it flies decides which device is loudest.
 #
-# From slot to slot the UAV moves on: in slot $i$ it has flown $i$ quarters of the way. In the next
-# figure it flies east, past the corner of a building. Fading is left out:
+# From slot to slot the UAV moves on: in slot $i$ it has flown $i/4$ of its move. In the next figure
+# it flies east, past the corner of a building. Fading is left out:
 
 # %%
 corner = Mission(environment.city, (4, 2), ((5, 4),), (50,), 30).state
@@ -271,9 +271,10 @@ figure
 # %% [markdown]
 # The dots show where the UAV is in the four slots, and the cross is the device. In slot 1 the
 # building is in the way. From slot 2 on, the device is in sight, and each slot carries a little
-# more than the one before. How does the program know? The table of notebook 2 has one answer for
-# each *cell*, whereas the UAV is now between two cells, so the nearer of the two decides whether
-# the UAV is in sight. Halfway, in slot 2, both are equally near, and then the cell ahead counts.
+# more data than the one before. How does the program know what is in sight? The table of notebook 2
+# has one answer for each *cell*, whereas the UAV is now between two cells, so the nearer of the two
+# decides whether the UAV is in sight. Halfway, in slot 2, both are equally near, and then the cell
+# ahead counts.
 #
 # ## 3.6 Fly it yourself
 #
@@ -299,9 +300,9 @@ for name, each in flown.items():
 assert flown["by hand"].returns > flown["greedy"].returns + 5
 
 # %% [markdown]
-# The plan brings everything home, but greedy does not. Greedy flies towards the first device until
-# that device is empty, and from there it is a long way to the second. You had a map of the shadows
-# to plan with. The agent has none, and yet it brings everything home, too.
+# The plan brings all the data home, but greedy does not. Greedy flies towards the nearer device
+# until that device is empty, and from there it is a long way to the second. You had a map of the
+# shadows to plan with. The agent has no such map, but brings everything home, too.
 #
 # One mission shows only that a good rule can be beaten. In the lab *Fly* you can fly many more
 # missions, with the arrow keys.
@@ -309,8 +310,8 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 # ## Recap
 #
 # - The state holds the positions, the data and the time left.
-# - A step is a pure function of state, action and fading. What comes next depends on the present
-#   state and the action, not on the past, so this is a Markov decision process.
+# - A step is a pure function of state, action and fading. The next state depends on the present
+#   state and the action, not on the past, so our world is a Markov decision process.
 # - The reward pays for data and charges for steps, interventions and a crash.
 # - In each of the four slots of a step, the loudest device that has data left sends.
 #

@@ -49,15 +49,15 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # ## 4.1 The layers
 #
 # Each picture is a **layer** of the map. Three show the city: where to land, where not to fly, and
-# what blocks the radio. Two show the data: what each device still has, and what the UAV has
+# what blocks the radio. Two show the data: how much each device still has, and how much the UAV has
 # collected from it. (If two devices shared a cell, these layers could show only the sum of their
 # data.) The last picture is empty because the flight has not begun. None of the five shows the
-# fading, the rate of a link or the shadows of notebook 2. Whatever the agent knows about shadows it
-# must therefore work out from the layer of buildings or, if it flies in a single city, learn by
+# fading, the rate of a link or the shadows of notebook 2. Whatever the agent knows about shadows,
+# it must therefore work out from the layer of buildings or, if it flies in a single city, learn by
 # heart.
 #
-# The UAV is always in the middle of the *frame*, the square that each picture fills. This is **map
-# centring** (section III-C), the paper's second idea after the map itself.
+# The UAV is always in the middle of the *frame*, the square that each picture fills. This is called
+# **map centring** (section III-C), the paper's second idea after the map itself.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -66,16 +66,16 @@ Quiz("frame_size")
 
 # %% [markdown]
 # A city with $M$ cells on each side needs a frame that is $2M-1$ cells wide. When the UAV is at one
-# edge of the city, the opposite edge is $M-1$ cells away. That can happen in either direction, so
-# the frame has $M-1$ cells on both sides of the UAV's own cell, and the whole city is in the
-# picture wherever the UAV is. (Whether a network reads all of the picture is another matter: 5.5.)
-# Outside the city the layer "no-fly zone" is 1, because leaving the city is refused just as
-# entering a no-fly zone is. All other layers are 0 there.
+# edge of the city, the opposite edge is $M-1$ cells away. The UAV can be at any edge, so the frame
+# has $M-1$ cells on each side of the UAV's own cell, and the whole city is in the picture wherever
+# the UAV is. (Section 5.5 asks whether a network reads all of the picture.) Outside the city the
+# layer "no-fly zone" is 1, because leaving the city is refused just as entering a no-fly zone is.
+# All other layers are 0 there.
 #
 # ## 4.2 The stopped clock
 #
-# Why does the network need to know the time? We leave the pictures as they are and change only the
-# time:
+# Why does the network need to know the time left? We leave the pictures as they are and change only
+# the time:
 
 # %%
 from dataclasses import replace
@@ -95,8 +95,8 @@ for units in (50, 15, 14):
 
 # %% [markdown]
 # One device is far to the north, the other is nearer, in the west, and the nearest landing zone is
-# in the south-east. The five pictures are the same each time, but the answers are not. With 50 or
-# 15 units of time left, the agent makes for the near device. With 14 it turns for home, because
+# in the south-east. The five pictures are always the same, but the agent's actions are not. With 50
+# or 15 units of time left, the agent makes for the near device. With 14 it turns for home, because
 # from the next cell to the west the way home would take 14 units and only 13 would be left. From
 # the pictures alone it could not tell these cases apart.
 #
@@ -136,25 +136,25 @@ figure.legend(loc="outside right upper", fontsize="small");
 # UAVs stay in the air until they crash, even if nothing is left to collect. Judged by the reward,
 # landing at once would then be best, because each further step costs something. But the Q-values of
 # such states are wrong: presumably hardly any UAV in training was over its landing zone with 60
-# units left and nothing to fetch, so the agent had little to learn them from. No orange point comes
-# near the black line.
+# units left and nothing to fetch, so the agent had little to learn them from. No stopped clock
+# gives a score (orange) near that with the true time (black).
 #
-# Without the time, what the agent sees (its **observation**) would not be a **Markov**
-# state, because the future would depend on something that the agent cannot see. The problem would
-# be *partially observable*, a **POMDP** (3.2). With the time it is not, because the map and the
-# time together hold all of the state that matters.
+# Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
+# because the future would depend on something that the agent cannot see. The problem would be
+# *partially observable*, a **POMDP** (3.2). With the time it is not a POMDP, because map and time
+# together hold all of the state that matters.
 #
-# The layer "data left" is there for the same reason. Without it the agent would not see a device
-# until some of its data had come in, and even then it would not see how much was left, so it could
-# not tell when to fly on. The layer "data collected" could be left out, because the future does not
-# depend on it; it is there because the paper has it.
+# The layer "data left" is there for the same reason. Without this layer the agent would not see a
+# device until some of its data had come in, and even then it would not see how much was left, so it
+# could not tell when to fly on. The layer "data collected" could be left out, because the future
+# does not depend on it; it is there because the paper has it.
 #
 # ## 4.3 Two frames
 #
 # How is the map centred? Every layer is shifted so that the UAV's cell lies in the middle of the
-# frame, and the places beyond the city's border are filled in (exercise 4.1). Here are the
-# buildings (dark) and all other cells of the no-fly layer (pale) as the network sees them from
-# three places:
+# frame, and the places beyond the city's border are filled with zeros or ones (exercise 4.1). Here
+# are the buildings (dark) and all other cells of the no-fly layer (pale) as the network sees them
+# when the UAV is at three places:
 
 # %%
 def seen_from(uav):
@@ -165,12 +165,12 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 
 # %% [markdown]
 # The world moves around the UAV. Without centring, the city would stay **in place**, and the UAV
-# would need a layer of its own, in which a single 1 moves. Both frames hold the same facts, but a
-# place in the picture means something different in each. In the centred frame it stands for
-# a *relative* position, such as "three cells north of me". In the fixed frame it stands for
-# an *absolute* position, such as "cell (4, 7)". Most of what a pilot has to know is relative: a
-# wall to the north is a wall to the north in any street. Notebook 5 shows with a small example what
-# the centred frame is worth, and notebook 8 asks whether it helps an agent to fly.
+# would need a layer of its own, in which a single 1 moves. The centred and the fixed frame hold the
+# same facts, but a place in the picture means something different in each. In the centred frame it
+# stands for a *relative* position, such as "three cells north of me". In the fixed frame it stands
+# for an *absolute* position, such as "cell (4, 7)". Most of what a pilot has to know is relative: a
+# wall just to the north stops the UAV in any street. Notebook 5 shows with a small example what the
+# centred frame is worth, and notebook 8 asks whether it helps an agent to fly.
 #
 # Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the
 # other? Then the picture would need only $M$ cells on each side, which means about a quarter of the
@@ -180,22 +180,22 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # A centred picture can also be turned by right angles and mirrored, as long as the action turns
 # with it (north becomes west). A single step of a flight thus gives eight examples to learn from,
-# four directions and their mirror images, without another flight. This is called *data
-# augmentation*. It is allowed because neither the radio nor the moves prefer a direction; with
-# wind, or with an antenna that points north, it would be wrong. The agents of notebooks 9 and 12
-# that learn by copying are trained in this way, but the DDQN agent of this course is not.
+# four directions and their mirror images. This is called *data augmentation*. It is allowed because
+# neither the radio nor the moves prefer a direction; with wind, or with an antenna that points
+# north, it would be wrong. The agents of notebooks 9 and 12 that learn by copying are trained in
+# this way, but the DDQN agent of this course is not.
 #
 # ## 4.4 Why pictures?
 #
-# A mission could be described by far fewer numbers: the UAV's cell, and for each device its cell
-# and its data. Nevertheless, there are three arguments for pictures.
+# A mission could be described by far fewer numbers than five pictures hold: the UAV's cell, and for
+# each device its cell and its data. Three arguments nevertheless favour pictures.
 #
-# - **The number of devices may vary.** A list for five devices has no room for a sixth, and if
-#   there are only two, three of its entries mean nothing. On a map any number of devices fits, so
+# - **The number of devices may vary.** A list for five devices has no room for a sixth, and with
+#   only two devices, three of its entries mean nothing. On a map any number of devices fits, so
 #   neither the size of the input nor the network **depends on the number of devices**. One agent
 #   flies missions with two devices and with five. It would accept twenty devices, too, but may fly
 #   badly with them: in training it never saw such full maps or such large returns, and a network
-#   can be trusted only with inputs like those that it has learned from.
+#   can be trusted only with inputs like those it has learned from.
 # - **The order does not matter.** In a list, "device 1 here, device 2 there" and "device 2 here,
 #   device 1 there" look different, although they are the same mission, and a network would have to
 #   learn both. On the map they are the same picture.
@@ -203,14 +203,13 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #   in the picture. In a list of numbers the building does not appear at all, so everything about
 #   the city would have to be learned by heart.
 #
-# The price is size: 4805 numbers instead of about twenty. A network with a separate adjustable
-# number, a *weight*, for each of them would have to learn the same thing again for each place in
-# the picture. Therefore the agent's network begins with *convolutions*, which look for the same
-# pattern everywhere. The next notebook explains them.
+# The price of pictures is size: 4805 numbers instead of about twenty. A network with a separate
+# adjustable number, a *weight*, for each of them would have to learn the same pattern again for
+# each place in the picture. Therefore the agent's network begins with *convolutions* (notebook 5),
+# which look for the same pattern everywhere.
 #
-# Because the pictures are made anew from the state at each step, a change of the *task* often means
-# no more than adding or removing a layer. Here are eight other tasks to think about before you go
-# on. What would you change in the state, in the reward, and in what the network sees? Then open the
+# When the *task* changes, it is often enough to add or remove a layer. Here are eight other tasks.
+# For each, what would you change in the state, the reward and the network's input? Then open the
 # box and compare, because the answers are part of the course.
 #
 # - **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches
@@ -230,14 +229,14 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels
 # expected here". Each delivery earns a reward. The layer of buildings, which says what blocks the
 # radio, can go; the no-fly layer stays. The same picture calls for one action with a parcel on
-# board and for another without, so "on board" goes in as one more number beside the time. That is
-# enough if any parcel will do at any place. If each parcel has an address, the map must show where
-# the one on board has to go, or the problem is a POMDP.
+# board and for another without, so "on board" becomes one more input number beside the time. This
+# number is enough if any parcel will do at any place. If each parcel has an address, the map must
+# show where the parcel on board has to go, or the problem is a POMDP.
 #
-# *Swapped battery:* there are now two times, one for the battery and one for the mission. Both
+# *Swapped battery:* there are now two clocks, one for the battery and one for the mission. Both
 # belong in the state and in what the network sees. The UAV now crashes if its battery runs out in
-# the air. As long as the mission has time left, `land` does not end the episode but takes three
-# units of time.
+# the air. While the mission has time left, `land` does not end the episode but takes three units of
+# time.
 #
 # *Refilling buffers:* an episode no longer has a fixed amount of data that could all be collected,
 # so *collected and landed* must be replaced, for example by the data collected per unit of time.
@@ -247,20 +246,20 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # *Two UAVs:* the state holds the position and the remaining time of each. Each UAV's network gets
 # one more layer, which shows where the other UAV is. Either the two share one reward, or they
-# compete. The safety controller stops two UAVs from entering the same cell. While one of them
-# learns, the world in which the other one flies changes, so the steps that the other one has stored
-# to learn from (notebook 6) come from a world that is no longer there ([a map of the
-# field](../docs/tutorials/map_of_the_field.md)).
+# compete. The safety controller stops two UAVs from entering the same cell. Each UAV is part of the
+# other's world. While one of them learns and flies differently, the other's world changes, so the
+# steps that the other has stored to learn from (notebook 6) come from a world that no longer exists
+# ([a map of the field](../docs/tutorials/map_of_the_field.md)).
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
-# turn back. It still has to choose its route, and it lands when no data is left that is worth the
-# steps needed to fetch it, or else with its last unit of time.
+# turn back. The UAV still has to choose its route, and it lands when no data is left that is worth
+# the steps needed to fetch it, or else with its last unit of time.
 #
 # *Devices that move:* the next state now also depends on where the devices happen to go. If each of
-# their steps is independent of the one before, their present places are enough. If they keep their
-# direction, one picture does not show it, and the task is a POMDP. There are three remedies: a
-# layer that shows the directions, the last few pictures together (**frame stacking**), or a network
-# with a memory (a **recurrent** network).
+# their steps is independent of the one before, their present places are enough for the state. If
+# they keep their direction, one picture does not show this direction, and the task is a POMDP.
+# There are three remedies: a layer that shows the directions, the last few pictures together
+# (**frame stacking**), or a network with a memory (a **recurrent** network).
 #
 # *Any direction:* positions are no longer whole numbers, and the grid shows them only roughly. The
 # harder change is in the agent. Ours gives a number to each of six actions and takes the action
@@ -271,9 +270,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # decides which links are blocked, so the layer of buildings must say how tall they are.
 #
 # *Ten times as wide:* the frame would have 319 cells on each side, so the network would have to
-# read about a hundred times as many numbers as now. A later article by the same authors therefore
-# shows the network two small pictures: the surroundings of the UAV in full, and the whole map
-# averaged to coarse cells.
+# read about a hundred times as many numbers. A later article by the same authors therefore shows
+# the network two small pictures: the surroundings of the UAV in full, and the whole map averaged to
+# coarse cells.
 # </details>
 #
 # ## Recap
@@ -284,7 +283,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #   picture stands for a position relative to the UAV.
 # - A map has room for any number of devices, needs no order among them, and shows the city together
 #   with them.
-# - If what the agent sees holds everything that matters, it is a Markov state. If not, the problem
+# - An observation that holds everything that matters is a Markov state. If it does not, the problem
 #   is a POMDP.
 #
 # ## Exercises

@@ -39,16 +39,16 @@ from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission,
 # data, or 0 if the UAV did not land. Compute it for one flight with one or more devices.
 #
 # - `collected`: a list of numbers, the data units collected from each device
-# - `initial`: a list of the same length, the data units that each device had at the start. Some
-#   devices may have had none, but not all of them
+# - `initial`: a list of the same length, the data units that each device had at the start. Some of
+#   these numbers may be 0, but not all of them
 # - `landed`: `True` or `False`
 #
 # Return one number between 0 and 1. All data units count the same, whichever device they come from.
 #
 # <details><summary>Hint</summary>
 #
-# A data unit counts the same whichever device it comes from. What, then, is divided by what? And
-# when is the score 0, whatever was collected?
+# All data units count the same, so which total do you divide by which? And when is the score 0,
+# however much data was collected?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -69,7 +69,7 @@ def collected_and_landed(collected, initial, landed):
 checks.flight_score(collected_and_landed)
 
 # %% [markdown]
-# To score many flights, take the mean of their scores. This mean is not the same as the mean
+# To score many flights, take the mean of their scores. In general, this mean is not the mean
 # collected share times the share of flights that landed, because the flights that crash may be
 # those that collected the most.
 
@@ -78,11 +78,11 @@ checks.flight_score(collected_and_landed)
 #
 # Three pilots flew the same mission: the agent (`"ddqn"`), greedy and random. Greedy always flies
 # the shortest route to the nearest device that has data left, and turns for home when just enough
-# time is left to get there. The triangle marks the start. Who flew which flight?
+# time is left to get there. The triangle marks the start. Which pilot flew which flight?
 #
 # <details><summary>Hint</summary>
 #
-# One of the three has no plan at all. Which device do the other two fly to first?
+# One of the three pilots has no plan at all. Which device do the other two pilots fly to first?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -122,9 +122,9 @@ picture([])
 # You are the agent. In the mission above the UAV starts at (row 0, column 0) and has 21 units of
 # flying time. Each of the two devices has 15 data units. One stands at (4, 1), in a no-fly cell
 # (red). The other is at (0, 7), in the far corner. The start and landing zone is blue, and tall
-# buildings are black. The shades of violet say what is hidden: over a white cell the UAV sees both
-# devices, over a pale violet cell one of them is hidden by a building, and over a deeper violet
-# cell both are.
+# buildings are black. The shades of violet say how many devices are hidden: over a white cell the
+# UAV sees both devices, over a pale violet cell one of them is hidden by a building, and over a
+# deeper violet cell both are.
 #
 # Write a list of all actions of the flight, by name: `"north"` (one row up), `"east"` (one column
 # to the right), `"south"`, `"west"`, `"hover"` (stay) and `"land"`. Each of these takes one unit of
@@ -134,7 +134,7 @@ picture([])
 # - collect at least 90 % of the data of both devices together,
 # - land within the 21 units of time,
 # - never try anything that is not allowed: leaving the map, entering a no-fly cell or a tall
-#   building, or landing outside the zone.
+#   building, or landing outside the landing zone.
 #
 # The random part of the radio link is the same every time here, so the same list always gives the
 # same flight. The link is best near a device with no building in between. Data also comes in while
@@ -142,16 +142,17 @@ picture([])
 #
 # <details><summary>Hint</summary>
 #
-# Count the time that each leg takes, landing included. Little is left for waiting, so collect on
-# the move. From which cells beside the no-fly cells is the first device in sight, and which of them
-# lie on a route to the second device and back?
+# Add up the time that each leg takes, landing included. Little time is left for waiting, so collect
+# data on the move. From which cells beside the no-fly cells is the device at (4, 1) in sight, and
+# which of these cells lie on a route to the other device and back?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
 # Fly along row 0 towards the far corner, but spend hardly any time there. Then fly to (4, 2), one
-# cell from the first device, either back along row 0 and down the street in column 2 or 3, or down
-# the eastern side and along row 4. Stay there as long as you can and still get home in time.
+# cell from the device at (4, 1), either back along row 0 and down the street in column 2 or 3, or
+# down the eastern side and along row 4. Stay at (4, 2) for as long as you can while still getting
+# home in time.
 # </details>
 
 # %%

@@ -41,7 +41,7 @@ channel = Channel()
 # %% [markdown]
 # ## 1.1 · Rate from SNR (1 point, 5 minutes)
 #
-# In a communication slot the link carries $\log_2(1 + \mathrm{SNR})$ data units. Write a function
+# In a communication slot a link carries $\log_2(1 + \mathrm{SNR})$ data units. Write a function
 # that computes this rate. The SNR in the formula is a ratio of powers, but the function is given
 # the SNR in decibels, either a single number or a whole array.
 #
@@ -53,8 +53,8 @@ channel = Channel()
 #
 # <details><summary>Another hint</summary>
 #
-# 10 dB more is ten times the power, so the decibels belong in an exponent. What is the base? The 1
-# is added to the ratio, and numpy has the logarithm to base 2.
+# 10 dB more is ten times the power, so the decibels belong in the exponent of a power. What is the
+# base of this power? The 1 is added to the ratio, and numpy has the logarithm to base 2.
 # </details>
 
 # %%
@@ -75,13 +75,13 @@ checks.rate_from_snr(rate)
 # (`channel.path_loss_exponent_los`, `..._nlos`). Here $d$ is the length of the link through the
 # air, so the height of the UAV is already taken into account.
 #
-# A device stands behind a building, `nlos_distance_m` away from the UAV. At what distance would a
-# device *in sight* have the same path loss?
+# A device stands behind a building, `nlos_distance_m` metres away from the UAV. At what distance
+# would a device *in sight* have the same path loss?
 #
 # <details><summary>Hint</summary>
 #
 # The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance equal to the
-# one with α_NLoS at the given distance.
+# loss with α_NLoS at the given distance.
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -122,7 +122,7 @@ checks.same_path_loss(same_loss_m)
 # <details><summary>Another hint</summary>
 #
 # Does generator.normal expect a variance? Add the fading to the SNR while the SNR is still in dB.
-# Compute one rate for each draw, and take the mean last.
+# Compute one rate for each draw, and take the mean of these rates last.
 # </details>
 
 # %%
@@ -137,7 +137,7 @@ def mean_rate(snr_db, variance_db2, draws, generator):
 checks.mean_rate(mean_rate)
 
 # %% [markdown]
-# As a function of decibels the rate bends upwards everywhere, and most at 0 dB, so lucky draws gain
-# more than unlucky ones lose, and fading helps. Far above 0 dB the rate is almost a straight line,
-# and fading changes next to nothing. Far below 0 dB fading adds only a little data, but that little
-# is a large share of what there is.
+# As a function of the SNR in decibels, the rate bends upwards everywhere, and most strongly at 0
+# dB, so lucky draws gain more than unlucky ones lose, and fading raises the mean rate. Far above 0
+# dB the rate is almost a straight line, and fading hardly changes its mean. Far below 0 dB fading
+# adds only a little data, but this is a large share of the little that arrives.

@@ -58,15 +58,17 @@ from uavdh_lite.shadowing import line_of_sight
 #
 # <details><summary>Hint</summary>
 #
-# The notebook's segment begins at (0, 0): move yours there. Which numbers may then be negative, and
-# what is the rectangle? What does the condition say if R = C = 0?
+# The notebook's segment begins at (0, 0): shift yours, and the cell with it, so that it begins
+# there, too. Which numbers may then be negative, and which rectangle must the cell lie in? What
+# does the condition say if R = C = 0?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# (R, C) is end minus start, and (r, c) is cell minus start, component by component. The rectangle is
-# min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0, the rectangle is one cell, and
-# the condition, 0 < 0, is false although that cell is crossed; so treat this case separately.
+# (R, C) is end minus start, and (r, c) is cell minus start, component by component. The cell is in
+# the rectangle if min(R, 0) <= r <= max(R, 0), and likewise for c and C. If R = C = 0, the
+# rectangle is one cell, and the condition, 0 < 0, is false although that cell is crossed; so treat
+# this case separately.
 # </details>
 
 # %%
@@ -127,25 +129,26 @@ checks.shadow_map(shadow_map)
 # %% [markdown]
 # ## 2.3 · How asymmetric is a table? (2 points, 10 minutes)
 #
-# `line_of_sight(buildings)` gives a Boolean array of shape (M, M, M, M), indexed
-# `[device_row, device_col, uav_row, uav_col]`: an entry is True if a device in the first cell and a
-# UAV over the second see each other. Take an *unordered pair* of two different cells, A and B. The
-# pair is asymmetric if it matters which of the two cells holds the device, that is, if "device in
-# A, UAV over B" is True and "device in B, UAV over A" is False, or the other way round.
+# `line_of_sight(buildings)` gives a Boolean array of shape (M, M, M, M), indexed `[device_row,
+# device_col, uav_row, uav_col]`: an entry is True if a device in the first cell and a UAV over the
+# second see each other. Take two different cells, A and B, in no particular order (an *unordered
+# pair*). The pair is *asymmetric* if it matters which of the two cells holds the device, that is,
+# if "device in A, UAV over B" is True and "device in B, UAV over A" is False, or the other way
+# round.
 #
 # What share of all unordered pairs of different cells is asymmetric? Write a function that takes
-# such an array, for any M > 1 and made by any method, and returns this share, a number from 0 to 1.
+# such an array (made by any method, for any M > 1) and returns this share, a number from 0 to 1.
 #
 # <details><summary>Hint</summary>
 #
-# Turn the table into a square matrix with one row and one column for each cell. Where does it
-# differ from its transpose? How many unordered pairs are there?
+# Turn the table into a square matrix with one row and one column for each cell. Where does this
+# matrix differ from its transpose? How many unordered pairs are there?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up twice.
-# There are n(n − 1)/2 unordered pairs of different cells.
+# With n = M² cells, reshape the array to (n, n) and compare the result with its transpose, .T: each
+# asymmetric pair shows up twice. There are n(n − 1)/2 unordered pairs of different cells.
 # </details>
 
 # %%
@@ -161,7 +164,8 @@ def asymmetric_share(sight):
 checks.asymmetric_share(asymmetric_share)
 
 # %% [markdown]
-# Try your function on the city of the notebook, `City.load("manhattan").buildings`, once with the table
-# that `line_of_sight` makes and once with that of `bresenham_fans` from `uavdh_lite.course.bresenham`,
-# which notebook 13 explains. The first table must give 0. A share above 0 is a sure sign that a method
-# is not exact, but a share of 0 does not prove that it is: a rule can be symmetric and still be wrong.
+# Try your function on the city of the notebook, `City.load("manhattan").buildings`, once with the
+# table that `line_of_sight` makes and once with the table that you get from `bresenham_fans` in
+# `uavdh_lite.course.bresenham`, which notebook 13 explains. The first table must give 0. A share
+# above 0 is a sure sign that a method is not exact, but a share of 0 does not prove that a method
+# is exact: a rule can be symmetric and still be wrong.

@@ -42,8 +42,8 @@ from uavdh_lite.channel import rate
 # SNR. It uploads as much as the slot carries, `rate(snr_db)` data units, but no more than it has
 # left. There are K ≥ 1 devices.
 #
-# - `snr_db`: array of shape (K,), the SNR of each device in this slot, in dB; often negative, and
-#   no two are equal
+# - `snr_db`: array of shape (K,), the SNR of each device in this slot, in dB; it is often negative,
+#   and no two devices have the same SNR
 # - `data_left`: array of shape (K,), the data units that each device has left, 0 or more
 #
 # Return two numbers: the device that is served, an index from 0 to K − 1, and the data units that
@@ -51,15 +51,15 @@ from uavdh_lite.channel import rate
 #
 # <details><summary>Hint</summary>
 #
-# First rule out the devices without data. Then find the best of the rest, and give its number among
-# all devices. Which two things limit what it uploads?
+# First rule out the devices without data. Then find the one with the highest SNR among the rest,
+# and return its index among all devices. Which two amounts limit how much data it uploads?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
 # Leave the empty devices in the array, but give them an SNR that never wins, so that all devices
-# keep their numbers. Would 0 dB do? What if all devices are empty? The winner uploads the smaller
-# of two amounts.
+# keep their indices. Would 0 dB be low enough? What if all devices are empty? The winner uploads
+# the smaller of two amounts.
 # </details>
 
 # %%
@@ -96,7 +96,7 @@ checks.tdma_slot(slot)
 # | 5 | 2 | west | flies west, to the landing zone | 0.5 (device 1) |
 # | 6 | 1 | land | lands | 2.0 (device 1) |
 #
-# **Flight B.** At the start its device has 6.0 data units.
+# **Flight B.** At the start its only device has 6.0 data units.
 #
 # | step | time left before the step | action | what happens | the link could carry |
 # | --- | --- | --- | --- | --- |
@@ -110,14 +110,14 @@ checks.tdma_slot(slot)
 # <details><summary>Hint</summary>
 #
 # Ask four questions about each step. What was uploaded? Did the UAV land? Did the controller
-# intervene? Did the time run out without a landing? More than one term may apply.
+# intervene? Did the time run out without a landing? More than one term may apply to a step.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Keep track of how much data each device has left, because a step uploads no more than that, and
-# the step that ends a flight uploads nothing. Only a landing is spared the 0.2, and the reward of
-# flight B's last step has three terms.
+# Keep track of how much data each device has left, because a device uploads no more than it has,
+# and nothing is uploaded in the step that ends a flight. Every step except a landing costs 0.2, and
+# the reward of flight B's last step has three terms.
 # </details>
 
 # %%
@@ -159,9 +159,9 @@ checks.rewards_by_hand(rewards_by_hand)
 #
 # <details><summary>Another hint</summary>
 #
-# Work out the target's row and column. Ask first whether both are in the grid, from 0 to M − 1, and
-# only if they are, what city.no_fly says about that cell. If the target is outside or forbidden,
-# the UAV stays in its old cell, and that counts as an intervention.
+# Work out the target's row and column. First ask whether both are in the grid, that is, from 0 to M
+# − 1, and only if they are, ask what city.no_fly says about the target cell. If the target is
+# outside or forbidden, the UAV stays in its old cell, and that counts as an intervention.
 # </details>
 
 # %%

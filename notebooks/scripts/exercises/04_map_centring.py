@@ -56,9 +56,10 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from there on
-# are the layer. Or surround the layer with M − 1 cells on all sides (np.pad), and cut out 2M − 1
-# rows from row uav[0] on and as many columns from column uav[1] on.
+# The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and from this cell on, southwards
+# and eastwards, M×M cells hold the layer. Or surround the layer with a border that is M − 1 cells
+# wide and has the value `outside` (np.pad), and cut out 2M − 1 rows, starting with row uav[0], and
+# as many columns, starting with column uav[1].
 # </details>
 
 # %%
@@ -89,7 +90,7 @@ checks.centre(centre)
 # Return an array of shape (2M − 1, 2M − 1) that holds the data of each device at the device's place
 # *as seen from the UAV*, which is in the middle, and 0 everywhere else.
 #
-# How does the shape of your answer depend on the number of devices? That is the point of the
+# How does the shape of your array depend on the number of devices? The answer is the point of the
 # exercise.
 #
 # <details><summary>Hint</summary>
@@ -100,7 +101,8 @@ checks.centre(centre)
 #
 # <details><summary>Another hint</summary>
 #
-# row − uav[0] says how many rows south of the UAV the device is; it may be negative. Add M − 1.
+# row − uav[0] says how many rows south of the UAV the device is; this number may be negative. Add M
+# − 1 to it to get the row in the array. Columns work in the same way.
 # </details>
 
 # %%
