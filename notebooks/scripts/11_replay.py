@@ -345,7 +345,7 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 #
 # - With replay, an agent learns from each step several times, and from the steps of many flights at
 #   once.
-# - A small memory holds only what is being flown now, and what the network knew of other missions is overwritten.
+# - A small memory holds only the flights in progress, so the network overwrites what it knew about other missions.
 # - With a large memory, a network remembers earlier missions, but adapts more slowly when the world changes.
 # - A network can learn what no input says, such as that walls cost data.
 # - To see what a network looks at, change its input, and compare the effect with that of a control.
