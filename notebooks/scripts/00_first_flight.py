@@ -62,13 +62,13 @@ trajectory_figure(environment, flights.trajectory(0))
 # flying time it has.
 #
 # A program that chooses one action after another is called an *agent*. The one in the picture
-# chooses with a neural network, a formula with hundreds of thousands of adjustable numbers, its
-# **weights**. These were *trained*. The agent flew random missions, millions of steps in all, and
-# after each step it received a *reward*, a number that is large if a lot of data came in, slightly
-# negative if none did, and strongly negative if the UAV crashed. The weights were adjusted until
-# the network could predict how much reward each action would lead to, with later rewards counting
-# less. Learning of this kind, by trial and error and from rewards, is called **reinforcement
-# learning**.
+# chooses its actions with a neural network, a formula with hundreds of thousands of adjustable
+# numbers, its **weights**. These weights were *trained*. The agent flew random missions, millions
+# of steps in all, and after each step it received a *reward*, a number that is large if a lot of
+# data came in, slightly negative if none did, and strongly negative if the UAV crashed. The weights
+# were adjusted until the network could predict how much reward each action would lead to, with
+# later rewards counting less. Learning of this kind, by trial and error and from rewards, is called
+# **reinforcement learning**.
 #
 # The full name of this agent is `manhattan_ddqn`, but in this course we simply call it **the
 # agent**. The course's library, `uavdh_lite`, contains other agents. We use this one because it was
@@ -135,9 +135,9 @@ for name, values in flights.records().items():
 # ## 0.3 Set a mission yourself
 #
 # A mission over this city has two to five devices and 35 to 70 units of time. Each device holds 5
-# to 20 data units (notebook 1 defines the unit). All of this is drawn at random, and so are the
-# positions of the devices and the start, which is one of the eight landing cells. The agent flies
-# any such mission without further training.
+# to 20 data units (notebook 1 defines the unit). All these numbers are drawn at random, and so are
+# the positions of the devices and the start, which is one of the eight landing cells. The agent
+# flies any such mission without further training.
 #
 # Put three devices wherever you like, except on a building or in a landing zone. A position is a
 # pair of numbers, row and column, which are counted from 0 at the top left corner:
@@ -203,7 +203,7 @@ for name, each in flown.items():
 # soon as it happens to draw `land` in the right place.
 #
 # One flight proves nothing, though. We chose this mission, and in others greedy beats the agent. A
-# fair race needs many missions, drawn at random and the same for all three.
+# fair race needs many missions, drawn at random and the same for all three pilots.
 #
 # ## 0.5 Two thousand missions
 #
@@ -238,11 +238,11 @@ for metric in scores["random"]:
 #
 # **The agent** comes close to greedy but does not overtake it. (In the 1000 other missions of
 # notebook 8 the agent does worse than here; that notebook says which result to trust.) Consider
-# what each of them was told. Both see the street map. Greedy was also given the shortest routes,
-# and a rule that a person had thought up. Nobody told the agent what the map means. Its network
-# started with random weights, and from rewards alone the agent has learned to fly to data, to turn
-# back and to land, in *this* city. How much of this is understanding, and how much is merely
-# learned by heart, is a question for notebook 8.
+# what these two pilots were told. Both see the street map. Greedy was also given the shortest
+# routes, and a rule that a person had thought up. Nobody told the agent what the map means. Its
+# network started with random weights, and from rewards alone the agent has learned to fly to data,
+# to turn back and to land, in *this* city. How much of this is understanding, and how much is
+# merely learned by heart, is a question for notebook 8.
 #
 # A rule of a few lines of code, then, beats a network that took millions of steps to train. **Why
 # learn at all?** Keep this question in mind until section 9.7 answers it. Here are two hints:
@@ -259,8 +259,8 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 
 # %% [markdown]
 # The agent empties the near device and goes home with nearly half of its time unused, although the
-# two devices in the east still hold nearly all of their data. Nobody can say which of the weights
-# in its network cause this. Even this flight ended in a landing zone, as all two thousand did,
+# two devices in the east still hold nearly all of their data. Nobody can say which weights in its
+# network cause this behaviour. Even this flight ended in a landing zone, as all two thousand did,
 # although nothing forces the agent to land. (Had it crashed, the picture would show a red star, and
 # the flight would score 0, however much data it had collected.)
 #
@@ -298,7 +298,7 @@ for action, value in zip(ACTIONS, q_values):
 # says what a step is and what it earns. Notebooks 4 and 5 show what the network sees and how it
 # computes, and notebooks 6 and 7 how it learns and what can go wrong. Notebook 8 asks what the
 # agent has learned, and in notebook 9 an agent beats the rule. In the exercises you program the
-# main parts yourself.
+# main parts of channel, environment and agent yourself.
 #
 # The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
 # In the lab *Fly* you can fly against the agent yourself, with the arrow keys.

@@ -4,9 +4,9 @@
 # **A device waits in the street. Where should the UAV hover to fetch the device's data?**
 #
 # The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets
-# data quickly, and over a dark one it gets hardly any. It may not fly over the grey buildings or
-# the hatched zone. By the end you will be able to compute the rate behind every colour, if you are
-# told which cells are in sight of the device.
+# data quickly, and over a dark one hardly any. The UAV may not fly over the grey buildings or the
+# hatched zone. By the end of this notebook you can compute the data rate behind every colour, if
+# you are told which cells are in sight of the device.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -48,8 +48,8 @@ figure
 # ## 1.1 Three layers
 #
 # The city is a grid of 16 × 16 cells, each 10 m wide. It was redrawn from the paper's description,
-# because the original was never published. For each cell there are three yes-or-no questions, and
-# the answers to each question form one *layer* of the map:
+# because the original map was never published. For each cell there are three yes-or-no questions,
+# and the answers to each question form one *layer* of the map:
 
 # %%
 city, channel = environment.city, environment.channel
@@ -64,10 +64,9 @@ figure
 # Does a building block the radio here?
 #
 # Compare the second layer with the third. A cell that is black in both is a *tall* building: the
-# UAV may not enter it, and it blocks the radio. A cell that is black only in the third layer is
-# a *low* building, which the UAV may fly over but which blocks the radio nevertheless. A cell that
-# is black only in the second is a no-fly zone without a building. Which of the three kinds does
-# this city have?
+# UAV may not enter it, and it blocks the radio. A cell that is black only in the third layer is a
+# *low* building, which blocks the radio but may be flown over. A cell that is black only in the
+# second layer is a no-fly zone without a building. Which of the three kinds does this city have?
 
 # %%
 tall, low = city.buildings & city.no_fly, city.buildings & ~city.no_fly
@@ -116,7 +115,7 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Over a logarithmic axis of distance, both losses are straight lines. Ten times the distance adds
+# Over a logarithmic distance axis, both path losses are straight lines. Ten times the distance adds
 # 22.7 dB in sight and 36.4 dB behind a building. The gap between the lines is the loss that a
 # building adds. At 100 m this gap is 27.4 dB: the signal is some 550 times weaker.
 #
@@ -148,7 +147,7 @@ assert np.isclose(budget_db, channel.transmit_snr_db(16))
 # included.)
 #
 # A link behind a building has the same budget, because its transmitter is no weaker and its
-# receiver no noisier. Apart from luck, one subtraction now gives any SNR:
+# receiver no noisier. Apart from luck, one subtraction now gives any link's SNR:
 
 # %%
 def snr_db(ground_m, exponent):
@@ -220,9 +219,9 @@ for distance in (0, 10, 20, 30, 100):
 # out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean 0,
 # drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a building.
 # Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so in decibels
-# the effects add up, and a sum of many independent effects is nearly normal. A power that is normal
-# in decibels is called *log-normal*. The paper calls the variance $\sigma_l^2$; do not confuse it
-# with $\sigma^2$, the power of the noise.
+# the effects add up, and a sum of many independent effects is nearly normal. A power that is
+# normally distributed in decibels is called *log-normal*. The paper calls the fading's variance
+# $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
 #
 # In a real street shadow fading is *correlated*: the tree that is in the way now is still in the
 # way one step later, so the fading stays similar over tens of metres. The paper nevertheless draws
@@ -252,7 +251,7 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
 
 # %% [markdown]
 # In sight, fading helps a little; behind a building it raises the rate by about a seventh. The next
-# figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
+# figure shows why. The curve shows the rate, and the dashed line joins a slot with bad luck to one
 # with good luck. (6 dB of luck, good or bad, is very rare.)
 
 # %%
@@ -283,7 +282,7 @@ figure
 # ## 1.6 Where to hover
 #
 # Now compare four places. Distances are measured on the ground, and the last column counts the
-# steps that it takes to fetch 15 data units at four slots per step:
+# steps of four slots needed to fetch 15 data units:
 
 # %%
 for name, ground, exponent in (
@@ -297,8 +296,8 @@ for name, ground, exponent in (
 
 # %% [markdown]
 # - Directly above the device, two steps are enough.
-# - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four,
-#   because data comes in on the way.
+# - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four
+#   steps, because data comes in on the way.
 # - Behind a building, the UAV is only half as far away as down the street, but gets no more than a
 #   tenth as much data.
 # - Round the corner, fetching the data would take longer than any flight lasts.
@@ -314,7 +313,8 @@ for name, ground, exponent in (
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
 # - At a ground distance of 10 m or more from the device, a building in between costs more than nine
 #   tenths of the data.
-# - Fading is luck in decibels. On average it raises the rate, which is convex in decibels.
+# - Fading is luck in decibels. On average it raises the rate, because the rate is convex in
+#   decibels.
 #
 # ## Exercises
 #

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 2 · Shadow ray tracing
 #
-# **Where must the UAV be to see a device, and how can a program know?**
+# **Where must the UAV be to see a device, and how can a program find this out?**
 #
 # The code below puts a device at the cross. Over a violet cell, a building blocks the UAV's view of
 # the device. To colour this map, a program follows one straight ray from the device to each cell
@@ -51,7 +51,7 @@ figure
 # below the UAV. It is blocked if, seen from above, this line crosses the inside of a building. It
 # is also blocked if the line would have to slip through the corner that two diagonally adjacent
 # buildings share. A blocked link is NLoS, and notebook 1 says how much weaker it is than a link in
-# sight. (It is not dead, because some of the signal still arrives by reflection and by bending
+# sight. (Such a link still works, because some of the signal arrives by reflection and by bending
 # round edges, which is called *diffraction*.)
 #
 # The model is flat: to keep things simple, it ignores height. In a city with low buildings, such as
@@ -89,7 +89,8 @@ figure
 #
 # On one side of the line the number $R\,c - C\,r$ is positive, and on the other side it is
 # negative. Its sign thus says on which side of the line a point lies, so let us compute the number
-# at the corners of the cells. There $r$ and $c$ end in ½, so we double it to get whole numbers:
+# at the corners of the cells. There $r$ and $c$ end in ½, so we double all the numbers to make them
+# whole:
 
 # %%
 from uavdh_lite.plotting import BLUE, VERMILION
@@ -137,8 +138,8 @@ assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 # All numbers in the test are whole, so nothing has to be rounded. This matters wherever a ray meets
 # a corner. In a larger city, the ray from (0, 0) to (7, 25) passes exactly through the point at row
 # 3.5 and column 12.5, where four cells meet. In ordinary floating-point numbers `7 / 25 * 12.5` is
-# 3.5000000000000004, so the ray seems to miss this point. In a city made of squares, rays often
-# meet corners.
+# 3.5000000000000004, so the ray seems to miss this point. Such rays are not rare: in a city made of
+# squares, many meet corners.
 #
 # ## 2.2 At a corner
 #
@@ -174,8 +175,8 @@ figure
 #
 # Which cells a ray crosses depends only on how far it goes down and to the right, not on where it
 # starts, so the library works out the crossed cells only once for each such displacement. It then
-# shifts the whole layer of buildings under the ray. In this way a few array operations settle all
-# pairs of cells with this displacement.
+# shifts the whole layer of buildings under the ray. In this way a few array operations give the
+# answers for all pairs of cells with this displacement.
 #
 # The result is a table with four indices, two for the device's cell and two for the UAV's. Each
 # entry says whether a device and a UAV in these cells see each other. The table is computed only

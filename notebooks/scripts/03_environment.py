@@ -62,10 +62,10 @@ for name, value in vars(state).items():
     print(f"{name:<13} {value.tolist()}")
 
 # %% [markdown]
-# Here a cell is given by one number, row · 16 + column, so 17 is row 1, column 1. There is room for
-# five devices, but this episode uses only two. The outer brackets are there because the library can
-# fly many episodes together, as a *batch*. `city` is the number of the city; it is 0, because there
-# is only one.
+# Here a cell is given by one number, row · 16 + column, so 17 is row 1, column 1. The state has
+# room for five devices, but this episode uses only two. The outer brackets are there because the
+# library can fly many episodes together, as a *batch*. `city` is the number of the city; it is 0,
+# because there is only one.
 #
 # Why does the state contain the time left? With 40 units of time left, flying on may be best. In
 # the same place with only 5 units, the UAV may have to land.
@@ -101,7 +101,7 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # states, the actions, the distribution $p$, the reward (3.3), and a discount, which says how much
 # later rewards count (notebook 6). Our world is an MDP because fading is drawn anew in every slot;
 # if good luck came in runs, the state would have to include past luck. The time left, too, has to
-# be in the state, because it decides when the episode ends. If an agent sees only a part of such a
+# be in the state, because it decides when the episode ends. If an agent sees only a part of the
 # state, the process is *partially observable*, and the problem is called a **POMDP**. A POMDP is
 # usually harder, because the agent may need to remember what it saw earlier.
 #
@@ -176,11 +176,11 @@ for action in (NORTH, NORTH):
 # that has to look worse.
 #
 # Why does a wrong move not end the episode? An untrained agent makes a wrong move every few steps,
-# so its episodes would rarely last long enough to collect much.
+# so its episodes would rarely last long enough for much data to come in.
 #
 # The controller is a part of the UAV, not of the training. The trained agent still needs the
 # controller, because the agent makes a few wrong moves in every hundred missions, one in ten of
-# them into a wall.
+# these moves into a wall.
 #
 # One could also remove the forbidden actions from the agent's choices, which is called **masking**.
 # Then the agent would not have to learn where the walls are. The paper lets the agent try such
@@ -199,11 +199,11 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# On average, **even a perfect pilot collects less than 100 %**. Missions are drawn at random, and
-# nobody checks whether all of their data can be collected. Five devices in far corners may be too
-# many for any route of 35 units of time; a device in a courtyard may cost more to reach than its
-# data is worth; and fading may bring bad luck. So compare a pilot with the best possible one, not
-# with 100 %.
+# On average, **even a perfect pilot collects less than 100 % of the data**. Missions are drawn at
+# random, and nobody checks whether all of their data can be collected. Five devices in far corners
+# may be too many for any route of 35 units of time; a device in a courtyard may cost more to reach
+# than its data is worth; and fading may bring bad luck. So compare a pilot with the best possible
+# one, not with 100 %.
 #
 # ## 3.5 Who may send: four slots per step
 #
@@ -216,7 +216,7 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
 # some missions would be lucky from start to end, and a pilot would first have to find out by
 # measuring whether its own mission is lucky. With four draws in each step most of the luck averages
-# out, so geometry decides most.
+# out, so the geometry matters more than luck.
 #
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
 # only 1.5 units of data left:
@@ -245,13 +245,13 @@ figure
 # slots device 2 happens to be the loudest. In slot 2 it can send only the little data that it still
 # has. Then it is empty, and the loudest of the others sends.
 #
-# This rule takes no account of how much data a device has, or of fairness. The loudest device gets
-# the whole slot, even if it has only 0.1 units left to send, and a device that is never the loudest
-# never sends. The rule therefore need not give the best schedule.
+# Choosing the loudest takes no account of how much data a device has, or of fairness. The loudest
+# device gets the whole slot, even if it has only 0.1 units left to send, and a device that is never
+# the loudest never sends. The rule therefore need not give the best schedule.
 #
 # Why is "serve device 2" not an action of the agent? If it were, the agent would have to learn what
-# a simple rule already does well. And even without such an action the agent has a say, because
-# where it flies decides which device is loudest.
+# a simple rule already does well. Even without such an action the agent has a say, because where it
+# flies decides which device is loudest.
 #
 # From slot to slot the UAV moves on: in slot $i$ it has flown $i/4$ of its move. In the next figure
 # it flies east, past the corner of a building. Fading is left out:
@@ -272,9 +272,9 @@ figure
 # The dots show where the UAV is in the four slots, and the cross is the device. In slot 1 the
 # building is in the way. From slot 2 on, the device is in sight, and each slot carries a little
 # more data than the one before. How does the program know what is in sight? The table of notebook 2
-# has one answer for each *cell*, whereas the UAV is now between two cells, so the nearer of the two
-# decides whether the UAV is in sight. Halfway, in slot 2, both are equally near, and then the cell
-# ahead counts.
+# has one answer for each *cell*, whereas the UAV is now between two cells, so the nearer cell
+# decides whether the device is in sight. Halfway, in slot 2, both are equally near, and then the
+# cell ahead counts.
 #
 # ## 3.6 Fly it yourself
 #
@@ -301,7 +301,7 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 
 # %% [markdown]
 # The plan brings all the data home, but greedy does not. Greedy flies towards the nearer device
-# until that device is empty, and from there it is a long way to the second. You had a map of the
+# until that device is empty, and from there it is a long way to the other. You had a map of the
 # shadows to plan with. The agent has no such map, but brings everything home, too.
 #
 # One mission shows only that a good rule can be beaten. In the lab *Fly* you can fly many more

@@ -98,7 +98,7 @@ for units in (50, 15, 14):
 # in the south-east. The five pictures are always the same, but the agent's actions are not. With 50
 # or 15 units of time left, the agent makes for the near device. With 14 it turns for home, because
 # from the next cell to the west the way home would take 14 units and only 13 would be left. From
-# the pictures alone it could not tell these cases apart.
+# the pictures alone the agent could not tell these cases apart.
 #
 # To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. It sees
 # the true pictures, but the time it is shown never changes. The true time runs out nevertheless.
@@ -133,11 +133,11 @@ figure.legend(loc="outside right upper", fontsize="small");
 #
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
 # the air when the true time is up, because the clock never warns them. With 50 or 60 units most
-# UAVs stay in the air until they crash, even if nothing is left to collect. Judged by the reward,
-# landing at once would then be best, because each further step costs something. But the Q-values of
-# such states are wrong: presumably hardly any UAV in training was over its landing zone with 60
-# units left and nothing to fetch, so the agent had little to learn them from. No stopped clock
-# gives a score (orange) near that with the true time (black).
+# UAVs stay in the air until they crash, even if nothing is left to collect. For the return, landing
+# at once would then be best, because each further step costs something. But the Q-values of such
+# states are wrong: presumably hardly any UAV in training was over its landing zone with 60 units
+# left and nothing to fetch, so the agent had little to learn them from. No stopped clock gives a
+# score (orange) near that with the true time (black).
 #
 # Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
 # because the future would depend on something that the agent cannot see. The problem would be
@@ -200,8 +200,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #   device 1 there" look different, although they are the same mission, and a network would have to
 #   learn both. On the map they are the same picture.
 # - **The city can be seen together with the devices.** A device behind a building forms a pattern
-#   in the picture. In a list of numbers the building does not appear at all, so everything about
-#   the city would have to be learned by heart.
+#   in the picture. In a list of numbers the building does not appear, so everything about the city
+#   would have to be learned by heart.
 #
 # The price of pictures is size: 4805 numbers instead of about twenty. A network with a separate
 # adjustable number, a *weight*, for each of them would have to learn the same pattern again for
@@ -229,12 +229,12 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels
 # expected here". Each delivery earns a reward. The layer of buildings, which says what blocks the
 # radio, can go; the no-fly layer stays. The same picture calls for one action with a parcel on
-# board and for another without, so "on board" becomes one more input number beside the time. This
-# number is enough if any parcel will do at any place. If each parcel has an address, the map must
-# show where the parcel on board has to go, or the problem is a POMDP.
+# board and for another without one, so "on board" becomes one more input number beside the time.
+# This number is enough if any parcel will do at any place. If each parcel has an address, the map
+# must show where the parcel on board has to go, or the problem is a POMDP.
 #
 # *Swapped battery:* there are now two clocks, one for the battery and one for the mission. Both
-# belong in the state and in what the network sees. The UAV now crashes if its battery runs out in
+# clocks belong in the state and in the observation. The UAV now crashes if its battery runs out in
 # the air. While the mission has time left, `land` does not end the episode but takes three units of
 # time.
 #
@@ -244,8 +244,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # the task becomes a POMDP. Show the rates in a layer of their own; otherwise the agent has to guess
 # them.
 #
-# *Two UAVs:* the state holds the position and the remaining time of each. Each UAV's network gets
-# one more layer, which shows where the other UAV is. Either the two share one reward, or they
+# *Two UAVs:* the state holds the position and the remaining time of each UAV. Each UAV's network
+# gets one more layer, which shows where the other UAV is. Either the two share one reward, or they
 # compete. The safety controller stops two UAVs from entering the same cell. Each UAV is part of the
 # other's world. While one of them learns and flies differently, the other's world changes, so the
 # steps that the other has stored to learn from (notebook 6) come from a world that no longer exists
@@ -262,12 +262,12 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # (**frame stacking**), or a network with a memory (a **recurrent** network).
 #
 # *Any direction:* positions are no longer whole numbers, and the grid shows them only roughly. The
-# harder change is in the agent. Ours gives a number to each of six actions and takes the action
-# with the largest number. Angles and speeds cannot be listed like this, so methods such as **soft
-# actor-critic** (SAC) train a second network that proposes the action ([a map of the
+# harder change is in the agent. Our agent gives a number to each of six actions and takes the
+# action with the largest number. Angles and speeds cannot be listed like this, so methods such as
+# **soft actor-critic** (SAC) train a second network that proposes the action ([a map of the
 # field](../docs/tutorials/map_of_the_field.md)). A few *heights* could still be listed: up and down
 # would be two more actions, and the height one more number beside the time. But then the height
-# decides which links are blocked, so the layer of buildings must say how tall they are.
+# decides which links are blocked, so the layer of buildings must say how tall the buildings are.
 #
 # *Ten times as wide:* the frame would have 319 cells on each side, so the network would have to
 # read about a hundred times as many numbers. A later article by the same authors therefore shows
@@ -283,8 +283,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #   picture stands for a position relative to the UAV.
 # - A map has room for any number of devices, needs no order among them, and shows the city together
 #   with them.
-# - An observation that holds everything that matters is a Markov state. If it does not, the problem
-#   is a POMDP.
+# - An observation that holds everything that matters is a Markov state. If something is missing,
+#   the problem is a POMDP.
 #
 # ## Exercises
 #

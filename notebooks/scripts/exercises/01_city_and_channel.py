@@ -116,7 +116,7 @@ checks.same_path_loss(same_loss_m)
 #
 # <details><summary>Hint</summary>
 #
-# Draw many SNRs around the mean, turn each into a rate, and average the rates, in that order.
+# Draw many SNRs around the mean SNR, turn each into a rate, and average the rates, in that order.
 # </details>
 #
 # <details><summary>Another hint</summary>

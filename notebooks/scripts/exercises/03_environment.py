@@ -38,8 +38,8 @@ from uavdh_lite.channel import rate
 # %% [markdown]
 # ## 3.1 · Who gets the slot? (1 point, 10 minutes)
 #
-# In a communication slot one device sends: of those that have data left, the one with the highest
-# SNR. It uploads as much as the slot carries, `rate(snr_db)` data units, but no more than it has
+# In a communication slot one device sends: the one with the highest SNR among those that have data
+# left. It uploads as much as the slot carries, `rate(snr_db)` data units, but no more than it has
 # left. There are K ≥ 1 devices.
 #
 # - `snr_db`: array of shape (K,), the SNR of each device in this slot, in dB; it is often negative,
@@ -81,9 +81,10 @@ checks.tdma_slot(slot)
 # Here are two short flights, the first with two devices and the second with one. The reward is 1
 # for each data unit uploaded, −0.2 for each step in which the UAV does not land, −1 if the safety
 # controller intervenes, and −150 if the flying time runs out without a landing. If several of these
-# apply to a step, add them up. The column "the link could carry" says how many data units could be
-# uploaded in the four slots of the step, and from which device; a device cannot upload more than it
-# has left. In the step that ends an episode, be it a landing or a crash, nothing is uploaded.
+# terms apply to a step, add them up. The column "the link could carry" says how many data units
+# could be uploaded in the four slots of the step, and from which device; a device cannot upload
+# more than it has left. In the step that ends an episode, be it a landing or a crash, nothing is
+# uploaded.
 #
 # **Flight A.** At the start device 0 has 4.0 data units and device 1 has 3.0.
 #
@@ -96,7 +97,7 @@ checks.tdma_slot(slot)
 # | 5 | 2 | west | flies west, to the landing zone | 0.5 (device 1) |
 # | 6 | 1 | land | lands | 2.0 (device 1) |
 #
-# **Flight B.** At the start its only device has 6.0 data units.
+# **Flight B.** At the start the only device has 6.0 data units.
 #
 # | step | time left before the step | action | what happens | the link could carry |
 # | --- | --- | --- | --- | --- |
