@@ -48,14 +48,14 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 #
 # We begin with a city of four by four cells. The UAV starts in the south-west. In the north-east
 # corner stands a device; reaching it brings 10 units of data and ends the episode. Each step costs
-# 0.2.
+# 0.2 units.
 #
-# Imagine a table $Q$ with one number for each cell $s$ and action $a$. Each entry *should* be what
-# you earn from that cell on if you take that action and fly well afterwards. The last step brings
-# $10-0.2=9.8$, and then the episode is over. The step before it costs 0.2 and leads to a cell from
-# which 9.8 can be earned. And so on: a Q-value is the reward $r$ of its own step plus the best
-# Q-value of the next cell $s'$, the largest over all actions $a'$. A factor $\gamma$ a little below
-# 1, the *discount*, makes that second part count slightly less.
+# Imagine a table $Q$ with one number for each cell $s$ and action $a$. Each entry *should* be the
+# sum that you earn from that cell on if you take that action and fly well afterwards. The last step
+# brings $10-0.2=9.8$, and then the episode is over. The step before it costs 0.2 and leads to a
+# cell from which 9.8 can be earned. And so on: a Q-value is the reward $r$ of its own step plus the
+# best Q-value of the next cell $s'$, the largest over all actions $a'$. A factor $\gamma$ a little
+# below 1, the *discount*, makes that second part count slightly less.
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
@@ -64,16 +64,16 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # neighbour with the next.
 #
 # Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
-# $s'$, and so the *present* value $y$ of the right-hand side. The entry moves a fraction $\alpha$ of
-# the way to it:
+# $s'$, and so the *present* value $y$ of the equation's right-hand side. The entry moves a fraction
+# $\alpha$ of the way to $y$:
 #
 # $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
-# With $\gamma=0.95$ and $\alpha=0.5$, let us make two updates by hand. The UAV is one cell west of the
-# device and flies east. Nothing follows the last step of an episode, so $y=r=9.8$, and the entry
-# goes from 0 to 4.9. Some flights later the UAV is in the next cell to the west and flies east:
-# $y=-0.2+0.95\cdot4.9=4.5$. The news has moved one cell back. Here is the largest Q-value of each
-# cell, the cell's *value* $V(s)=\max_aQ(s,a)$, after 1, 3 and 100 flights:
+# With $\gamma=0.95$ and $\alpha=0.5$, let us make two updates by hand. The UAV is one cell west of
+# the device and flies east. Nothing follows the last step of an episode, so $y=r=9.8$, and the
+# entry goes from 0 to 4.9. Some flights later the UAV is in the next cell to the west and flies
+# east: $y=-0.2+0.95\cdot4.9\approx4.5$. The news has moved one cell back. Here is the largest
+# Q-value of each cell, the cell's *value* $V(s)=\max_aQ(s,a)$, after 1, 3 and 100 flights:
 
 # %%
 from uavdh_lite.course.small_city import CELLS, START, flights_of
@@ -97,29 +97,29 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 # The method is **Q-learning**. The value $y$ is the **target**, $\alpha$ the learning rate, and the
 # gap $y-Q(s,a)$ the **TD error** (*temporal difference*): how much better or worse the step turned
 # out than the table expected. In a **stochastic** world, where chance plays a part, the right-hand
-# side of the equation is a mean; with a small $\alpha$, good and bad luck average out. Q-learning
-# is *model-free*: it needs steps, but not notebook 3's distribution $p$. If $p$ were known, a small
-# table could be computed without a flight (**dynamic programming**).
+# side of the Bellman equation is a mean; with a small $\alpha$, good and bad luck average out.
+# Q-learning is *model-free*: it needs steps, but not notebook 3's distribution $p$. If $p$ were
+# known, a small table could be computed without a flight (**dynamic programming**).
 #
 # The UAV picked all actions at random, and still learned what *good* flying is worth, because the
 # target asks for the *best* next action and not for the one taken next. A method that may learn
-# from the flights of another policy is called **off-policy**. (That policy must try every action in
-# every cell again and again.) An **on-policy** method, such as *SARSA*, would have learned what
-# flying at random is worth.
+# from the flights of another policy is called **off-policy**. (The other policy must try every
+# action in every cell again and again.) An **on-policy** method, such as *SARSA*, would have
+# learned what flying at random is worth.
 #
 # ### The last step
 #
 # At the last step of an episode $y$ is $r$ alone. If you forget this, rewards seem to go on after a
 # crash. But not every stop is an end. When our UAV's time is up, which the agent can foresee from
 # the state, the mission is over: this is a true end, a **termination**. If the simulation merely
-# stops, say after 1000 steps, that is a **truncation**: something does follow, and $y$ keeps its
-# second part.
+# stops, say after 1000 steps, that is a **truncation**: more rewards would have followed, so $y$
+# keeps its second part.
 #
 # ### The discount
 #
-# The agent does not learn the plain sum of notebook 3 but a sum in which a reward $k$ steps ahead
-# counts only $\gamma^k$ times its size (paper, eq. 6). A Q-value is the expected value of that sum
-# (eq. 5):
+# The agent does not learn the plain sum of rewards of notebook 3 but a sum in which a reward $k$
+# steps ahead counts only $\gamma^k$ times its size (paper, eq. 6). A Q-value is the expected value
+# of that sum (eq. 5):
 #
 # $$Q(s_t,a_t)=\mathbb{E}\left[\sum_{k}\gamma^k\,r_{t+k}\right]$$
 
@@ -128,30 +128,28 @@ for gamma in (0.5, 0.95, 1.0):
     print(f"γ = {gamma:<5}the start is worth {table(300, gamma)[START]:.1f}")
 
 # %% [markdown]
-# With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=0$ only the next reward
-# would count, as for the agent in 3.3 that lands at once. With $\gamma=1$ the device counts in
+# With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=1$ the device counts in
 # full, which does no harm here: a flight that never ends costs more and more, so the best flights
-# end. (If a task has no end, the sum may be unbounded; then $\gamma$ must be below 1.) **Why
-# discount, then, if the plain sum is what we want?**
+# end. **Why discount, then, if the plain sum is what we want?**
 #
 # - *Errors.* Each value is estimated from the next, which is estimated from the one after it, and
 #   so on. Each estimate adds an error, and $\gamma$ shrinks the errors from far away.
 # - *Noise.* Rewards fifty steps ahead depend on the fading in fifty steps and on fifty actions
 #   still to be chosen, so they say little about which action is better *now*.
 # - *Time.* With $\gamma=0.95$ news of a reward need not travel back more than a few dozen steps.
-#   With $\gamma=1$ it has to travel the whole flight.
+#   With $\gamma=1$ it has to travel back through the whole flight.
 #
 # The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
-# the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 and is 60
-# steps ahead counts only $150\cdot0.95^{60}\approx7$. Over Manhattan that does no harm: home is
-# never more than 14 moves away. A longer way needs a larger $\gamma$.
+# the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 units and is
+# 60 steps ahead counts only $150\cdot0.95^{60}\approx7$. Over Manhattan, where home is never more
+# than 14 moves away, that does no harm; a longer way home needs a larger $\gamma$.
 #
 # ## 6.2 A network instead of the table
 #
 # A table for Manhattan would need a row for every combination of positions, times and amounts of
 # data: for five devices more than $10^{13}$ rows, even without the amounts. Instead, a network
-# computes the Q-values from its inputs, here the row and the column of the cell. It answers even
-# for a cell that it has never seen, and neighbouring cells get similar values. This is
+# computes the Q-values from its inputs, in the small city the row and the column of the cell. It
+# answers even for a cell that it has never seen, and neighbouring cells get similar values. This is
 # **generalisation**.
 #
 # In the table, an entry moved a fraction $\alpha$ of the way to $y$. Now the weights $\theta$ take
@@ -171,14 +169,14 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # Therefore all steps go into a **replay memory**, and the network learns from a *minibatch* drawn
 # from it at random. Only an off-policy method may do this, because earlier, worse versions of the
-# agent flew most of these steps.
+# agent flew most of the stored steps.
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem
-#   it was meant to solve. A large one also holds older steps, flown by agents that knew less. What
-#   counts is how many *flights* it holds ([notebook 11](11_replay.ipynb)).
+#   that replay was meant to solve. A large one also holds older steps, flown by agents that knew
+#   less. What counts is how many *flights* a memory holds ([notebook 11](11_replay.ipynb)).
 # - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be
 #   in about one of 400 minibatches of 128. The paper's **combined experience replay** puts it into
-#   every one, at the cost of one place in 128.
+#   every minibatch, at the cost of one place in 128.
 #
 # ## 6.3 It explodes
 #
@@ -216,15 +214,14 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # The cure is simple: do not let the target move at once. A second network, the **target network**
 # with the weights $\bar\theta$, computes $y$. It begins as a copy of the network that learns, the
 # **online network** $\theta$, and after each update moves a small fraction $\tau$ of the way
-# towards it (a **soft update**):
+# towards $\theta$ (a **soft update**):
 #
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
 # While the online network takes a step, the targets hardly move, so it can catch up with them. The
-# target network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. (The deep
-# Q-network of 2015 made *hard* updates: a full copy every 10,000 updates.) With $\tau=0.00001$ the
-# targets would stay meaningless for the whole run below; with $\tau=1$ both networks would be
-# identical. Here is $\tau=0.05$:
+# target network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. With
+# $\tau=0.00001$ the targets would stay meaningless for the whole run below; with $\tau=1$ both
+# networks would be identical. Here are three runs with $\tau=0.05$:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -236,15 +233,15 @@ ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# All three runs settle. Are their values right?
+# All three runs with $\tau=0.05$ settle. Are their values right?
 
 # %%
 values = [online(CELLS).detach().amax(1).view(4, 4) for online, _ in calm]
 draw_maps({"table": table(300), "network": values[0], "another": values[1]}, numbers=True)
 
 # %% [markdown]
-# The values are nearly right, even in cell (1, 1), which the networks never saw. Only the device's
-# own cell is far off, because no step starts there.
+# The values are nearly right, even in cell (1, 1), which the networks never saw. Only the value of
+# the device's own cell is far off, because no step starts there.
 #
 # ## 6.4 Exploring
 #
@@ -277,19 +274,19 @@ axes[0].set_ylabel("probability");
 # After training it always takes the best action, which is the **greedy policy** (eq. 9).
 #
 # The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
-# otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
-# tries the worst action as often as the second best.
+# otherwise the best. The same ε suits Q-values of any size, whereas β must fit that size. But
+# ε-greedy tries the worst action as often as the second best.
 #
 # One could also mask pointless actions (3.4), because the safety controller knows them. But then
-# the maximum in the target must be masked, too, or it may fall on an action whose value nothing
-# corrects. The paper uses penalties; so do we.
+# the maximum in the target must be masked, too, because the value of an action that is never tried
+# is never corrected. The paper uses penalties; so do we.
 #
 # ## 6.5 Double Q-learning
 #
 # Q-values are estimates, so each has some error. In the first picture, landing is refused and costs
-# 1 more than hovering, so its bar should be 1 lower. It is nearly 7 lower, perhaps because nothing
-# corrects the value of an action that is hardly ever tried. What do errors do to the largest
-# Q-value?
+# 1 unit more than hovering, so the bar for landing should be 1 unit lower. It is nearly 7 units
+# lower, perhaps because landing is hardly ever tried there, so that its value is hardly ever
+# corrected. What do such errors do to the largest Q-value?
 
 # %%
 Quiz("whose_maximum")
@@ -297,8 +294,8 @@ Quiz("whose_maximum")
 # %% [markdown]
 # The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth?
 # The luckiest error answers both, so the value comes out too high: a **maximisation bias**. In
-# **double Q-learning** one set of estimates chooses and another judges. In the paper's target these
-# are the online and the target network (eq. 8):
+# **double Q-learning** one set of estimates chooses the action and another judges it. In the
+# paper's target these are the online and the target network (eq. 8):
 #
 # $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
 #
@@ -316,20 +313,20 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
     print(f"{name:<19} mean target {y.mean():5.2f}")
 
 # %% [markdown]
-# The right target is 0, and only the stranger finds it. The target network, an older copy, is a
-# related judge, so it removes only part of the bias.
+# The right target is 0, and only the stranger finds it. The target network, an older copy of the
+# online network, is a related judge, so it removes only part of the bias.
 #
-# No constant can correct the bias, because it is not the same everywhere: it is large where several
-# actions are almost equally good and their values uncertain, and nearly 0 where one action is
-# clearly the best. The bias therefore does not cancel when states are compared, and draws the agent
-# to states about which it knows little.
+# No constant can correct the bias, because the bias is not the same everywhere: it is large where
+# several actions are almost equally good and their values uncertain, and nearly 0 where one action
+# is clearly the best. The bias therefore does not cancel when states are compared, and draws the
+# agent to states about which it knows little.
 #
 # A deep network with double Q-learning is a *double deep Q-network*, or **DDQN**.
 #
 # ## 6.6 All of it
 #
-# [One page](../docs/tutorials/pseudocode.md) shows all this as pseudocode, beside the names in the
-# code.
+# [One page](../docs/tutorials/pseudocode.md) shows the whole algorithm as pseudocode, beside the
+# names in the code.
 #
 # ## Recap
 #

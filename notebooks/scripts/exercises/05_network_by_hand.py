@@ -152,8 +152,8 @@ checks.convolve(convolve)
 # convolution, with 3 kernels of 2×2 cells and stride 1. Each kernel sees both layers, so it has 2 ·
 # 2 · 2 = 8 weights and a bias, which makes 3 · 9 = 27 numbers for the convolution. A kernel fits at
 # 2×2 places, so each kernel makes a layer of 2×2 numbers, and there are 3 such layers. Flattened,
-# these are 12 numbers, or 13 with the flying time. A hidden layer of 4 neurons then has 4 · (13
-# + 1) = 56 learned numbers, and the output has 6 · (4 + 1) = 30. In all, `weights(2, 2, 3, 2, (1,),
+# these are 12 numbers, or 13 with the flying time. A hidden layer of 4 neurons then has 4 ·
+# (13+1) = 56 learned numbers, and the output has 6 · (4+1) = 30. In all, `weights(2, 2, 3, 2, (1,),
 # (4,))` is 27 + 56 + 30 = 113. If there were a second convolution, it would see these 3 layers, not
 # the 2 of the map.
 #

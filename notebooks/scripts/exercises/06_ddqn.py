@@ -3,8 +3,8 @@
 #
 # These exercises go with notebook `06_ddqn`. Here you build a deep Q-network yourself, in six
 # steps: a table that learns, a network in its place, a memory, a target network, the double target
-# and the softmax policy. In the exercises of notebook 7 the six become one program that learns to
-# fly over a village.
+# and the softmax policy. In the exercises of notebook 7 the six parts become one program that
+# learns to fly over a village.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
 # says whether the answer is right, and if not, what is probably wrong. The check looks at what your
@@ -15,8 +15,8 @@
 # and write your own from memory. Solutions are in the folder `solutions`, beside `exercises`,
 # unless somebody handed you a copy of the course without them.
 #
-# Exercise 6.4 builds on 6.2, so it begins with a solution to 6.2, folded away. Open it when you have
-# your own, or when you want to go on without one.
+# Exercise 6.4 builds on 6.2, so it begins with a solution to 6.2, folded away. Open that solution
+# when you have your own, or when you want to go on without one.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -53,22 +53,24 @@ def step(cell, action):
 # %% [markdown]
 # ## 6.1 · A table that learns (3 points, 25 minutes)
 #
-# Write the whole loop of Q-learning. The UAV flies a number of flights, always from `start`, and at
+# Write the whole loop of Q-learning. The UAV makes a number of flights, always from `start`, and at
 # every step picks one of the four moves at random. After every step one entry of the table moves
 # towards its target:
 #
 # $$y = r + \gamma \max_{a'} Q(s', a'), \qquad Q(s, a) \leftarrow Q(s, a) + \alpha\,(y - Q(s, a)),$$
 #
-# and $y = r$ if the episode ended with this step, because nothing follows. (The check also starts
+# and $y = r$ if the episode ended with this step, because no reward follows. (The check also starts
 # flights in the device's own cell.)
 #
-# - `step`: a function like the one above; the check calls your function with other cities, too
+# - `step`: a function like the one above; the check also calls your function with the `step` of
+#   other cities
 # - `start`: the cell, (row, column), in which each flight begins; a flight goes on until `step`
-#   says that it has ended
+#   says that the episode has ended
 # - `flights`: the number of flights; `gamma`, `alpha`: $\gamma$ and $\alpha$
 # - `generator`: a `numpy.random.Generator`, from which `generator.integers(4)` draws a move
 #
-# Return the table: an array of shape (4, 4, 4), `q[row, column, action]`, all zeros at first.
+# Return the table: an array `q[row, column, action]` of shape (4, 4, 4). At first all its entries
+# are 0.
 #
 # <details><summary>Hint</summary>
 #
@@ -107,28 +109,28 @@ checks.learned_table(learn_table)
 # %% [markdown]
 # ## PyTorch, as much as you need
 #
-# From here on, and again in 7.1, you need the following parts of PyTorch. The lines can be run one
-# after the other.
+# From here on, and again in 7.1, you need the following parts of PyTorch. The lines of code in the
+# table can be run one after the other.
 #
-# | what it does | a line |
+# | what the code does | a line of code |
 # | --- | --- |
-# | a layer of 4 neurons, each of which is given 2 numbers | `layer = nn.Linear(2, 4)` |
-# | layers one after the other | `network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))` |
+# | makes a layer of 4 neurons, each of which is given 2 numbers | `layer = nn.Linear(2, 4)` |
+# | puts layers one after the other | `network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))` |
 # | asks a network about 5 examples, one in each row; the result has shape (5, 4) | `q = network(torch.rand(5, 2))` |
-# | the entry in column `a[k]` of each row k, of shape (5,) | `a = torch.tensor([0, 3, 1, 1, 2]); taken = q[torch.arange(5), a]` |
-# | the same as a column, of shape (5, 1) | `taken = q.gather(1, a[:, None])` |
-# | the largest of each row, of shape (5,), or as a column, of shape (5, 1) | `q.amax(dim=1), q.amax(dim=1, keepdim=True)` |
+# | takes the entry in column `a[k]` of each row k; the result has shape (5,) | `a = torch.tensor([0, 3, 1, 1, 2]); taken = q[torch.arange(5), a]` |
+# | takes the same entries as a column, of shape (5, 1) | `taken = q.gather(1, a[:, None])` |
+# | takes the largest number of each row; the results have shapes (5,) and, as a column, (5, 1) | `q.amax(dim=1), q.amax(dim=1, keepdim=True)` |
 # | computes something through which no gradient flows | `with torch.no_grad(): y = network(torch.rand(5, 2))` |
-# | a second network with the same weights | `import copy; other = copy.deepcopy(network)` |
-# | 16 kernels of 3 × 3 over 5 layers, moved 2 cells at a time | `convolution = nn.Conv2d(5, 16, 3, stride=2)` |
+# | makes a second network with the same weights | `import copy; other = copy.deepcopy(network)` |
+# | makes a convolution with 16 kernels of 3 × 3 over 5 layers, moved 2 cells at a time | `convolution = nn.Conv2d(5, 16, 3, stride=2)` |
 # | turns each example's maps into one row of numbers; the result has shape (8, 784) | `rows = nn.Flatten()(convolution(torch.rand(8, 5, 15, 15)))` |
 #
 # Mind the shapes. If you subtract numbers in a column, of shape (5, 1), from numbers in a row, of
 # shape (5,), you get a table of 5 × 5, and nothing warns you.
 #
 # A network that is not simply one layer after the other is written as a class. `super().__init__()`
-# must come first, so that PyTorch finds the layers; `forward` is what happens when the network is
-# called:
+# must come first, so that PyTorch finds the layers; `forward` is the method that runs when the
+# network is called:
 #
 # ```python
 # class Network(nn.Module):
@@ -142,10 +144,10 @@ checks.learned_table(learn_table)
 #
 # ## 6.2 · A network in the table's place (3 points, 25 minutes)
 #
-# Now a network computes the four Q-values of a cell from its row and column. It learns from
-# recorded steps. Here are the steps of 100 random flights, one in each row of a tensor: the row and
-# column of the cell, the action, the reward, the row and column of the next cell, and 1 if the
-# episode ended or 0 if it went on.
+# Now a network computes the four Q-values of a cell from its row and column. The network learns
+# from recorded steps. Here are the steps of 100 random flights, one step in each row of a tensor:
+# the row and column of the cell, the action, the reward, the row and column of the next cell, and 1
+# if the episode ended or 0 if it went on.
 
 # %%
 from uavdh_lite.course.small_city import flights_of
@@ -167,7 +169,7 @@ print(memory[:3])
 # $y = r + \gamma \max_{a'} Q(s', a')$ comes from the **same** network; at the end of an episode, $y = r$. The target is a
 # fixed number: no gradient flows through it.
 #
-# The check uses only small values of $\gamma$. When your answer is right, it shows what such
+# The check uses only small values of $\gamma$. When your answer is right, the check shows what such
 # a network does with $\gamma = 0.95$.
 #
 # <details><summary>Hint</summary>
@@ -180,8 +182,8 @@ print(memory[:3])
 # <details><summary>Another hint</summary>
 #
 # Inside `with torch.no_grad():` compute y, of shape (32, 1), with `amax(1, keepdim=True)`;
-# multiplying by (1 − ended) takes away what would follow the end. Outside, `network(cell).gather(1,
-# action.long())` has the same shape.
+# multiplying the value of the next cell by (1 − ended) removes it at the end of an episode. Outside
+# this block, Q(s, a) is `network(cell).gather(1, action.long())`, which has the same shape.
 # </details>
 
 # %%
@@ -207,42 +209,43 @@ def learn_network(memory, gamma, updates):
 checks.learned_network(learn_network)
 
 # %% [markdown]
-# With $\gamma = 0.95$ the values explode: the network is its own teacher, and every lesson raises the
-# next one. Notebook 6 explains why, and exercise 6.4 puts it right.
+# With $\gamma = 0.95$ the values explode: the network makes its own targets, and every step towards
+# a target raises the next target. Notebook 6 explains why, and in exercise 6.4 you mend this.
 
 # %% [markdown]
 # ## 6.3 · A replay memory (3 points, 20 minutes)
 #
-# In 6.2 the memory was there from the beginning. An agent that flies while it learns needs one that
-# it can add to. Write such a replay memory. It stores the last `capacity` items, in a **ring
-# buffer**, and every sample contains the newest item (**combined experience replay**), so that
-# every step is learned from at least once if a sample follows each of them.
+# In 6.2 the memory was there from the beginning. An agent that flies while it learns needs a memory
+# to which it can add steps. Write such a replay memory. It stores the last `capacity` items in a
+# **ring buffer**. Every sample contains the newest item (**combined experience replay**), so if a
+# sample is drawn after every step, the agent learns from each step at least once.
 #
-# - `Ring(capacity)`: an empty memory for `capacity` ≥ 1 items.
+# - `Ring(capacity)`: makes an empty memory for `capacity` ≥ 1 items.
 # - `add(item)`: stores an item. If the memory is full, the new item takes the place of the oldest
 #   one.
-# - `sample(size, generator)`: a list of `size` ≥ 1 items in any order. One of them is the newest.
-#   Each of the other `size` − 1 is drawn from *all* stored items, the newest included. All are
-#   equally likely, and the draws are independent of each other, so an item may appear more than
-#   once. `generator` is a `numpy.random.Generator`; all randomness must come from it, for example
-#   from `generator.integers(0, n, count)`, which gives `count` whole numbers from 0 to `n` − 1.
-#   `sample` is never called on an empty memory.
+# - `sample(size, generator)`: returns a list of `size` ≥ 1 items in any order. One of them is the
+#   newest. Each of the other `size` − 1 is drawn from *all* stored items, the newest included. All
+#   stored items are equally likely, and the draws are independent of each other, so an item may
+#   appear more than once. `generator` is a `numpy.random.Generator`; all randomness must come from
+#   it, for example from `generator.integers(0, n, count)`, which gives `count` whole numbers from 0
+#   to `n` − 1. `sample` is never called on an empty memory.
 #
-# An item is a tuple with any content; return the very tuples that were added. Adding should not
-# take longer when the memory is large, so try to do without shifting all items by one place, which
-# is what `pop(0)` does; avoiding this is the point of a ring.
+# An item is a tuple with any content; return the very tuples that were added. Adding an item should
+# not take longer when the memory is large, so try to do without shifting all items by one place,
+# which is what `pop(0)` does; avoiding this is the point of a ring.
 #
 # <details><summary>Hint</summary>
 #
 # Keep two things apart: how many places are filled, and where the newest item is. The places are
-# used in a circle: which operator takes the last one back to the first?
+# used in a circle: which operator leads from the number of the last place back to that of the
+# first?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
 # Count the items as they arrive: the remainder when this count is divided by the capacity goes
 # round in just such a circle. While the memory is not full, only the places filled so far may be
-# drawn; draw places, not items. And since the newest item is in every sample, only size − 1 items
+# drawn; draw places, not items. And since the newest item is in every sample, only size − 1 places
 # have to be drawn.
 # </details>
 
@@ -280,8 +283,9 @@ checks.ring_buffer(Ring)
 # %% [markdown]
 # ## 6.4 · A target network (2 points, 20 minutes)
 #
-# Mend the network of 6.2: a second network, the target network, makes the targets. It begins as a
-# copy of the online network and follows it slowly. After every update each of its weights becomes
+# Mend the network of 6.2: let a second network, the target network, make the targets. It begins as
+# a copy of the network that learns, the online network, and follows it slowly. After every update
+# each weight of the target network moves towards the same weight of the online network:
 #
 # $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
 #
@@ -309,15 +313,16 @@ checks.ring_buffer(Ring)
 #
 # <details><summary>Hint</summary>
 #
-# Four lines are new or changed: one makes the copy, one computes y, and two come after
-# `optimiser.step()`. Do not forget to stop the gradient there.
+# A new line makes the copy, the line that computes y changes, and after `optimiser.step()` comes a
+# loop over the weights. Put this loop inside `with torch.no_grad():`, because no gradient should
+# flow through it.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# `copy.deepcopy(online)` is a copy. `zip(target.parameters(), online.parameters())` gives the
-# weights in pairs, and `old.lerp_(new, tau)` moves the tensor `old` a fraction tau of the way to
-# `new`, in place.
+# `copy.deepcopy(online)` gives a copy of the online network. `zip(target.parameters(),
+# online.parameters())` gives the weights in pairs, and `old.lerp_(new, tau)` moves the tensor `old`
+# a fraction tau of the way to `new`, in place.
 # </details>
 
 # %%
@@ -362,8 +367,8 @@ checks.learned_calmly(learn_calmly)
 #
 # $$y = r + \gamma\, Q_{\bar\theta}\big(s', \arg\max_{a'} Q_\theta(s', a')\big) \qquad \text{(paper, eq. 8)}$$
 #
-# where $\theta$ are the weights of the online and $\bar\theta$ those of the target network. At a
-# terminal transition $y = r$. This is the wrong function:
+# where $\theta$ stands for the weights of the online network and $\bar\theta$ for those of the
+# target network. At a terminal transition $y = r$. This is the wrong function:
 #
 # ```python
 # def target(reward, terminal, discount, online_next, target_next):
@@ -383,9 +388,9 @@ checks.learned_calmly(learn_calmly)
 #
 # <details><summary>Another hint</summary>
 #
-# The wrong function lets one network do both. argmax says which action is best; use the number of
-# that action in each row to look up what the action is worth. And a Boolean counts as 0 or 1 in a
-# product: which of the two terms drops out at the end?
+# The wrong function asks one network both questions. argmax says which action is best; use the
+# number of that action in each row to look up what the action is worth. And a Boolean counts as 0
+# or 1 in a product: which of the two terms of y must drop out if the episode ended?
 # </details>
 
 # %%
@@ -408,14 +413,15 @@ checks.double_target(target)
 #
 # $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)} \qquad \text{(paper, eq. 10)}$$
 #
-# Compute it for a batch of $B$ states: `q_values` is a float tensor of shape $(B, 6)$ with a row
-# for each state and a column for each action, `temperature` is the number $\beta > 0$. Return the
-# probabilities as a new tensor of the same shape; leave `q_values` as it is.
+# Compute these probabilities for a batch of $B$ states: `q_values` is a float tensor of shape $(B,
+# 6)$ with a row for each state and a column for each action, and `temperature` is the number
+# $\beta > 0$. Return the probabilities as a new tensor of the same shape; leave `q_values` as it
+# is.
 #
 # The Q-values may be near 1000 or −1000, the temperature may be 0.1, and the values may differ
-# greatly between the rows of a batch. A float32 overflows above $\exp(88)$. Use `torch.exp`, and
-# try to do without `torch.softmax` and its relatives: they already contain the trick that this
-# exercise asks you to find.
+# greatly between the rows of a batch. But the largest number that a float32 can hold is about
+# $\exp(88)$. Use `torch.exp`, and try to do without `torch.softmax` and its relatives: they already
+# contain the trick that this exercise asks you to find.
 #
 # A reminder: `x.amax(dim=1)` is the largest number of each row of `x`. For `x` = `[[1., 5.], [3.,
 # 2.]]` it is `[5., 3.]`, of shape `(2,)`. With `keepdim=True` the dimension stays, with length 1:
@@ -424,8 +430,8 @@ checks.double_target(target)
 #
 # <details><summary>Hint</summary>
 #
-# exp(10 000) is infinite. But the probabilities depend only on the gaps between a state's
-# Q-values: what may you subtract from all of them?
+# As a float32, exp(10 000) is infinite. But the probabilities depend only on the gaps between a
+# state's Q-values: what may you subtract from all Q-values of a state?
 # </details>
 #
 # <details><summary>Another hint</summary>
