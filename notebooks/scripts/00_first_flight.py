@@ -198,9 +198,9 @@ for name, each in flown.items():
     print(f"{name:<16}collected {each.end.collected[0]:.0%} in {each.steps[0]} steps")
 
 # %% [markdown]
-# Greedy always goes to the nearest device that still has data, and home at the end, so the order of
-# its visits does not depend on how much time there is. The random pilot wanders about, and lands as
-# soon as it happens to draw `land` in the right place.
+# Greedy always goes to the nearest device that still has data, and flies home at the end, so the
+# order of its visits does not depend on the flying time. The random pilot wanders about, and lands
+# as soon as it happens to draw `land` in the right place.
 #
 # One flight proves nothing, though. We chose this mission, and in others greedy beats the agent. A
 # fair race needs many missions, drawn at random and the same for all three pilots.
@@ -231,7 +231,7 @@ for metric in scores["random"]:
 #
 # **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data.
 # A high `landed` alone does not make a good pilot, and `collected_and_landed` shows how little this
-# one achieves.
+# pilot achieves.
 #
 # **Greedy** never crashes, because its rule takes it home in time, and it collects nearly
 # everything. In this city it is a strong rival.
@@ -279,7 +279,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 #
 # You can put the same question to its network. For each action the network gives a number, the
 # **Q-value**: the sum of the rewards that it expects from now on if the agent takes that action and
-# flies well afterwards. Later rewards count less in this sum (one that is twenty steps ahead counts
+# flies well afterwards. Later rewards count less in this sum (a reward twenty steps ahead counts
 # about a third as much as one now), so a Q-value is usually smaller than the return of the flight.
 # Here are the Q-values at the start of the first mission:
 
@@ -297,8 +297,8 @@ for action, value in zip(ACTIONS, q_values):
 # Here is the plan of the course. Notebooks 1 and 2 show what the radio channel does. Notebook 3
 # says what a step is and what it earns. Notebooks 4 and 5 show what the network sees and how it
 # computes, and notebooks 6 and 7 how it learns and what can go wrong. Notebook 8 asks what the
-# agent has learned, and in notebook 9 an agent beats the rule. In the exercises you program the
-# main parts of channel, environment and agent yourself.
+# agent has learned, and in notebook 9 an agent beats greedy. In the exercises you program the main
+# parts of channel, environment and agent yourself.
 #
 # The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
 # In the lab *Fly* you can fly against the agent yourself, with the arrow keys.

@@ -202,7 +202,7 @@ for distance in (0, 10, 20, 30, 100):
 # - **Twice the distance** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR each
 #   loss of 3 dB takes one unit away from a slot, however many units the slot carried before. At a
 #   low SNR the rate is proportional to the SNR, so doubling the distance reduces the rate to a
-#   fifth in sight and to a twelfth behind a building.
+#   fifth in sight and a twelfth behind a building.
 # - **Near is fast.** Three cells away and in sight, the UAV gets data about a fifth as fast as
 #   directly above the device.
 # - **Far still counts.** A hundred metres down a street, little data arrives in a slot, but it adds
@@ -303,8 +303,8 @@ for name, ground, exponent in (
 # - Round the corner, fetching the data would take longer than any flight lasts.
 #
 # The answer to the question at the top is: anywhere *in sight* of the device and not too far away.
-# Which places these are depends on the buildings, and nobody tells the agent. In the lab *Channel*
-# (`python -m uavdh_lite app`) you can drag a device and watch the rates change.
+# Which places these are depends on the buildings, and the agent must find them. In the lab
+# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch the rates change.
 #
 # ## Recap
 #

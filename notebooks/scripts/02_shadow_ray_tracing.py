@@ -56,9 +56,8 @@ figure
 #
 # The model is flat: to keep things simple, it ignores height. In a city with low buildings, such as
 # `harbour`, a UAV above a low building has no device in sight, although from a real roof you could
-# look down into the street. A model with heights would have to ask, for each building under the
-# ray, whether the ray, which climbs evenly from the device to the UAV, is still below the roof
-# there.
+# look down into the street. A model with heights would have to ask at each building on the way
+# whether the ray, which climbs evenly from the device to the UAV, is still below the roof.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 

@@ -169,11 +169,11 @@ for action in (NORTH, NORTH):
     print(f"in cell {flight.state.uav_cell[0]}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# The first move is ordinary: it costs 0.2, but brings in 0.1 data units. The second would leave the
-# map, so the UAV hovers instead, at an extra cost of 1. The same happens when the UAV tries to
-# enter a tall building or a no-fly zone, or to land outside the landing zones. The agent of
-# notebook 6 learns from the action that it chose, not from the hovering, because it is the choice
-# that has to look worse.
+# The first move is ordinary: it costs 0.2, but brings in 0.1 data units. The second move would
+# leave the map, so the UAV hovers instead, at an extra cost of 1. The same happens when the UAV
+# tries to enter a tall building or a no-fly zone, or to land outside the landing zones. The agent
+# of notebook 6 learns from the action that it chose, not from the hovering, because it is the
+# choice that has to look worse.
 #
 # Why does a wrong move not end the episode? An untrained agent makes a wrong move every few steps,
 # so its episodes would rarely last long enough for much data to come in.

@@ -173,10 +173,10 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # centred frame is worth, and notebook 8 asks whether it helps an agent to fly.
 #
 # Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the
-# other? Then the picture would need only $M$ cells on each side, which means about a quarter of the
-# work. But rolling misrepresents distances: a device at the far eastern edge would appear just west
-# of a UAV at the western edge. The frame of $2M-1$ cells is the smallest in which every
-# *displacement* from the UAV has a place of its own.
+# other? Then the picture would need only $M$ cells on each side, about a quarter as many in all.
+# But rolling misrepresents distances: a device at the far eastern edge would appear just west of a
+# UAV at the western edge. The frame of $2M-1$ cells is the smallest in which every *displacement*
+# from the UAV has a place of its own.
 #
 # A centred picture can also be turned by right angles and mirrored, as long as the action turns
 # with it (north becomes west). A single step of a flight thus gives eight examples to learn from,
@@ -270,9 +270,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # decides which links are blocked, so the layer of buildings must say how tall the buildings are.
 #
 # *Ten times as wide:* the frame would have 319 cells on each side, so the network would have to
-# read about a hundred times as many numbers. A later article by the same authors therefore shows
-# the network two small pictures: the surroundings of the UAV in full, and the whole map averaged to
-# coarse cells.
+# read about a hundred times as many numbers as now. A later article by the same authors therefore
+# shows the network two small pictures: the surroundings of the UAV in full, and the whole map
+# averaged to coarse cells.
 # </details>
 #
 # ## Recap

@@ -88,7 +88,7 @@ checks.flight_score(collected_and_landed)
 # <details><summary>Another hint</summary>
 #
 # Greedy has one rule: fly to the nearest device that has data left, and fly home when just enough
-# time is left. From the start, one device is 8 moves away and the other 13. Which of them does
+# time is left. From the start, one device is 8 moves away and the other 13. Which of the two does
 # greedy fly to first?
 # </details>
 

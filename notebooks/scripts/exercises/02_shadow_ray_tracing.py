@@ -130,11 +130,11 @@ checks.shadow_map(shadow_map)
 # ## 2.3 · How asymmetric is a table? (2 points, 10 minutes)
 #
 # `line_of_sight(buildings)` gives a Boolean array of shape (M, M, M, M), indexed `[device_row,
-# device_col, uav_row, uav_col]`: an entry is True if a device in the first cell and a UAV over the
-# second see each other. Take two different cells, A and B, in no particular order (an *unordered
-# pair*). The pair is *asymmetric* if it matters which of the two cells holds the device, that is,
-# if "device in A, UAV over B" is True and "device in B, UAV over A" is False, or the other way
-# round.
+# device_col, uav_row, uav_col]`: an entry is True if a device in the cell of the first two indices
+# and a UAV over the cell of the last two see each other. Take two different cells, A and B, in no
+# particular order (an *unordered pair*). The pair is *asymmetric* if it matters which of the two
+# cells holds the device, that is, if "device in A, UAV over B" is True and "device in B, UAV over
+# A" is False, or the other way round.
 #
 # What share of all unordered pairs of different cells is asymmetric? Write a function that takes
 # such an array (made by any method, for any M > 1) and returns this share, a number from 0 to 1.
