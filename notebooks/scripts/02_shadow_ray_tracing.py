@@ -48,11 +48,11 @@ figure
 # ## 2.1 One ray
 #
 # A link runs in a straight line from the middle of the device's cell to the middle of the cell
-# below the UAV. It is blocked if, seen from above, this line crosses the inside of a building. It
-# is also blocked if the line would have to slip through the corner that two diagonally adjacent
-# buildings share. A blocked link is NLoS, and notebook 1 says how much weaker it is than a link in
-# sight. (Such a link still works, because some of the signal arrives by reflection and by bending
-# round edges, which is called *diffraction*.)
+# below the UAV. The link is blocked if, seen from above, this line crosses the inside of a
+# building. It is also blocked if the line would have to slip through the corner that two diagonally
+# adjacent buildings share. A blocked link is NLoS, and notebook 1 says how much weaker it is than a
+# link in sight. (Such a link still works, because some of the signal arrives by reflection and by
+# bending round edges, which is called *diffraction*.)
 #
 # The model is flat: to keep things simple, it ignores height. In a city with low buildings, such as
 # `harbour`, a UAV above a low building has no device in sight, although from a real roof you could
@@ -173,9 +173,9 @@ figure
 # ## 2.3 A whole city
 #
 # Which cells a ray crosses depends only on how far it goes down and to the right, not on where it
-# starts, so the library works out the crossed cells only once for each such displacement. It then
-# shifts the whole layer of buildings under the ray. In this way a few array operations give the
-# answers for all pairs of cells with this displacement.
+# starts, so the library works out the crossed cells only once for each such displacement. The
+# library then shifts the whole layer of buildings under the ray. In this way a few array operations
+# give the answers for all pairs of cells with this displacement.
 #
 # The result is a table with four indices, two for the device's cell and two for the UAV's. Each
 # entry says whether a device and a UAV in these cells see each other. The table is computed only

@@ -3,8 +3,8 @@
 #
 # **How does a flight become numbers that a program can learn from?**
 #
-# Below, the greedy pilot of notebook 0 flies a mission with two devices. It leaves a good part of
-# the data behind. At the end of this notebook you will fly the same mission by hand, and beat
+# Below, the greedy pilot of notebook 0 flies a mission with two devices. Greedy leaves a good part
+# of the data behind. At the end of this notebook you will fly the same mission by hand, and beat
 # greedy.
 
 # %% tags=["remove-cell"]

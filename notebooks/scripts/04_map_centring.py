@@ -100,8 +100,9 @@ for units in (50, 15, 14):
 # from the next cell to the west the way home would take 14 units and only 13 would be left. From
 # the pictures alone the agent could not tell these cases apart.
 #
-# To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. It sees
-# the true pictures, but the time it is shown never changes. The true time runs out nevertheless.
+# To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. The
+# agent sees the true pictures, but the time it is shown never changes. The true time runs out
+# nevertheless.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -208,7 +209,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # each place in the picture. Therefore the agent's network begins with *convolutions* (notebook 5),
 # which look for the same pattern everywhere.
 #
-# When the *task* changes, it is often enough to add or remove a layer. Here are eight other tasks.
+# When the *task* changes, it often suffices to add or remove a layer. Here are eight other tasks.
 # For each, what would you change in the state, the reward and the network's input? Then open the
 # box and compare, because the answers are part of the course.
 #
@@ -277,8 +278,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # ## Recap
 #
-# - The agent sees five layers and the time left. With a stopped clock it does not know when to go
-#   home.
+# - The agent sees five layers and the time left. With a stopped clock the agent does not know when
+#   to go home.
 # - Centring puts the UAV in the middle of a frame that is $2M-1$ cells wide, so that a place in the
 #   picture stands for a position relative to the UAV.
 # - A map has room for any number of devices, needs no order among them, and shows the city together
