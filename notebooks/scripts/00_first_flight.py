@@ -168,11 +168,11 @@ flights = hurried.fly(environment, agent)
 trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# The route begins like the old one, but it is not the old one cut short: it continues along
-# different streets and ends in the other landing zone. Which device does the agent give up? Look
-# for the colour whose arrows are all thin. Nobody wrote a rule that says which device to give up.
-# The time left is one of the things that the agent sees, and training has taught it what to do when
-# time is short.
+# The route begins like the old one, but it is not merely the old route cut short: it continues
+# along different streets and ends in the other landing zone. Which device does the agent give up?
+# Look for the colour whose arrows are all thin. Nobody wrote a rule that says which device to give
+# up. The time left is one of the things that the agent sees, and training has taught it what to do
+# when time is short.
 #
 # Change the devices, the data or the time in the cells above and run them again.
 #
@@ -227,7 +227,7 @@ for metric in scores["random"]:
     print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# Read the columns from right to left.
+# Read the columns of this table from right to left.
 #
 # **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data.
 # A high `landed` alone does not make a good pilot, and `collected_and_landed` shows how little this
