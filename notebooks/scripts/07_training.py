@@ -4,8 +4,8 @@
 # Two agents fly the same mission below. Both were trained with the **recipe** `lite`. (A recipe is
 # the set of all constants and choices that define a training run.) The agent on the left comes from
 # a run planned for two million steps and stopped after 300,000; the one on the right is the best
-# agent of a run of nearly four million. **What happens in all these steps, and how can you tell
-# whether training is going well?**
+# agent of a run of nearly four million steps. **What happens in all these steps, and how can you
+# tell whether training is going well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -46,7 +46,7 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | **What you'll need** | Notebooks 3 and 6. 45 minutes to read, 45 seconds to run; 110 minutes of exercises |
 #
 # The early agent leaves about a sixth of the data behind and lands at the last moment, whereas the
-# late one brings all of it home and has two units of time to spare.
+# late one brings all the data home and has two units of time to spare.
 #
 # ## 7.1 One step of the loop
 #
@@ -63,7 +63,7 @@ print(inspect.getsource(Trainer.step))
 # | in the code | what it does | where you met it |
 # | --- | --- | --- |
 # | `self._act` | **act**: draw an action from the softmax policy (eq. 10) | 6.4 |
-# | `environment.step` | **step**: fly it, and see what happens | notebook 3 |
+# | `environment.step` | **step**: take the action, and see what happens | notebook 3 |
 # | `replay.add` | **add** the step to the memory | 6.2 |
 # | `replay.sample` | **sample** a minibatch that includes the newest steps | 6.2 |
 # | `learner.update` | **update**: DDQN targets (eq. 8), a step downhill (eq. 7), the soft update | 6.3, 6.5 |
@@ -81,7 +81,7 @@ print(inspect.getsource(Trainer.step))
 #   Otherwise the first minibatches would be drawn again and again from the same few steps.
 # - The agent learns from the rewards of `training_rewards_at`, in which the cost of a crash may
 #   grow during the run. The agent is judged by the rewards `REPORTED`, which are fixed.
-# - The last two lines note a row of the curves every 5000 steps.
+# - The last two lines record a row for the training curves every 5000 steps.
 #
 # ## 7.2 Train one now
 #
@@ -110,12 +110,11 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # %% [markdown]
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions
 # that are always the same, and always takes the best action, without exploring (eq. 9). Validation
-# also chooses the agent, because a run keeps the version that did best in a validation. Such a
-# choice is partly luck, and the largest of many scores is on average too high, like the maximum in
-# 6.5. Therefore the final score of an agent comes from a third set of missions, the *test*. The
-# sets for training, validation and test have no mission in common. In validation and test, a
-# *seed*, the number that starts the stream of random numbers, makes every agent fly the same
-# missions.
+# also decides which version of the agent a run keeps: the one with the best score. Such a choice is
+# partly luck, and the largest of many scores is on average too high, like the maximum in 6.5.
+# Therefore the final score of an agent comes from a third set of missions, the *test*. The sets for
+# training, validation and test have no mission in common. In validation and test, a *seed*, the
+# number that starts the stream of random numbers, makes every agent fly the same missions.
 
 # %%
 def draw(ax, rows, title):
@@ -142,9 +141,9 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 # %% [markdown]
 # ## 7.3 Reading the curves of a real run
 #
-# Below is the run that made the agent of the course, in bins of 5000 steps. The figure shows
-# *training* flights, in which the agent explores. Half of the flights in training begin in mid-air,
-# so that the agent practises the way home; these are left out of the figure.
+# Below are the curves of the run that produced the agent of the course, averaged over bins of 5000
+# steps. They show *training* flights, in which the agent explores. Half of these flights begin in
+# mid-air, so that the agent practises the way home, and are left out of the figure.
 
 # %%
 from uavdh_lite.storage import data_folder, read_table
@@ -161,33 +160,33 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
     ax.set(ylabel=name, xlabel="million steps")
 
 # %% [markdown]
-# During this run the cost of a crash grew from 10 to 150, but the curve of the return counts every
-# crash as 150.
+# During this run the cost of a crash grew from 10 to 150 units, but the curve of the return counts
+# every crash as 150.
 #
 # At first the agent learns to land. Then **collected** rises while **landed** and the **return**
 # fall sharply, because the agent flies farther, and exploring makes it late. Later both recover,
-# mainly because the agent explores less: flown without exploring, it landed in 98 % of its flights
-# between 200,000 and 500,000 steps, when a crash cost less than 30.
+# mainly because the agent explores less: of the flights without exploring between 200,000 and
+# 500,000 steps, when a crash still cost less than 30 units, 98 % ended with a landing.
 #
-# Everybody looks at the **loss** first, but it tells you least. In notebook 5 the examples were
-# fixed, so a falling loss meant better answers to them. Here the loss measures how far the Q-values
+# Everybody looks at the **loss** first, but the loss tells you least. In notebook 5 the examples
+# were fixed, so a falling loss meant better answers. Here the loss measures how far the Q-values
 # are from their targets, and the targets move with the network. A lazy agent that only ever lands
 # has a tiny loss, because there is hardly anything to predict. In this run the loss rises for a
 # while as the agent collects more, perhaps because a bolder agent has more to predict, or because
-# each crash counts for more.
+# each crash costs more.
 #
 # Test flights tell more: at the start of 1000 missions our agent's largest Q-value is 20.8 on
-# average, and the discounted rewards that then come in (with a step costing 0.1, as in training)
-# add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
+# average, and the discounted rewards that then come in (with steps that cost 0.1 units, as in
+# training) add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
 #
-# What if a curve falls late in a run? First look at the other seeds and at the next validations,
+# What if the score falls late in a run? First look at the other seeds and at the next validations,
 # because a single dip is often chance. Then compare Q-values and rewards: if the Q-values are far
-# too large, they diverge (6.3). If not, see what was changing at that step (β, the learning rate,
-# the cost of a crash), and whether the memory still holds enough different flights.
+# too large, they diverge (6.3). If not, see what was changing when the score fell (β, the learning
+# rate, the cost of a crash), and whether the memory still holds enough different flights.
 #
-# A learning rate that is far too large shows early and with every seed: the score does not rise. At
-# a still larger one the Q-values swing and the loss keeps growing. With one that is far too small,
-# Q-values and score hardly move.
+# If the learning rate is far too large, the score does not rise, whatever the seed. If it is larger
+# still, the Q-values swing and the loss keeps growing; if it is far too small, Q-values and score
+# hardly move.
 #
 # ## 7.4 Two ways to fail
 #
@@ -200,10 +199,10 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# **The lazy agent.** What if a crash costs 150 from the start? The next cell compares such a recipe
-# with `lite`, in which the cost begins at 10. Three runs of each were recorded over an earlier map
-# of Manhattan. They have only 300,000 steps, so whatever changes during a run changes faster than
-# in longer runs.
+# **The lazy agent.** What if a crash costs 150 units from the start? The next cell compares such a
+# recipe with `lite`, in which the cost begins at 10. Three runs of each were recorded over an
+# earlier map of Manhattan. Each run has only 300,000 steps, so whatever changes during a run
+# changes faster than in longer runs.
 
 # %%
 study = read_table(data_folder() / "runs/deviations-manhattan.csv.gz")
@@ -218,7 +217,7 @@ for variant, crash in names.items():
 # The paper's method has the same penalty and gets past this stage, as 7.5 shows.
 #
 # **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home.
-# Try it in the village:
+# Try this in the village:
 
 # %%
 crashing = train(crash_reward=0.0, crash_reward_end=0.0, steps=16_000, validation_interval=4000)
@@ -227,24 +226,24 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, crashing.validation_rows, "a crash costs nothing")
 
 # %% [markdown]
-# The agent collects, but little or nothing comes home. Nothing is wrong with the learning: the
-# agent did what we asked for. The reward was wrong.
+# The agent collects data, but brings little or nothing home. Nothing is wrong with the learning:
+# the agent did what we asked for. The reward was wrong.
 #
 # What if an agent hovers in one place until its time is up? Print its Q-values there (0.6). If they
-# are almost equal, it has not yet learned to tell the actions apart. If flying on looks worse than
-# it is, the agent has explored too little or fears the crash too much. If the values are right,
-# hovering is what the reward pays for.
+# are almost equal, the agent has not yet learned to tell the actions apart. If the value of flying
+# on is too low, the agent has explored too little or fears the crash too much. If the values are
+# right, hovering is what the reward pays for.
 #
 # Could one help the agent with a bonus for every step towards home? If coming nearer is rewarded
 # and going away costs nothing, the agent can earn the bonus for ever by flying to and fro (**reward
 # hacking**). A safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on
-# the state alone and is 0 after the end. What it pays as the agent approaches a place, it takes
-# back as the agent leaves, so the best policy stays the same. This is **potential-based shaping**
-# (Ng, Harada and Russell, 1999).
+# the state alone and is 0 after the end of the episode. This bonus is paid as the agent approaches
+# a place and taken back as the agent leaves, so the best policy stays the same. This is
+# **potential-based shaping** (Ng, Harada and Russell, 1999).
 #
-# How large must the penalty be? Ten steps ahead, a penalty of 20 counts only $20 \cdot 0.95^{10}
-# \approx 12$, less than the 15 units that a device in the village may hold, so collecting them and
-# then crashing can pay. A penalty of 150 still counts 90.
+# How large must the crash penalty be? Ten steps ahead, a penalty of 20 units counts only $20 \cdot
+# 0.95^{10} \approx 12$, less than the 15 units that a device in the village may hold, so collecting
+# them and then crashing can pay. A penalty of 150 still counts 90.
 #
 # What if *every* reward were ten times as large? The best policy would be the same, but $\beta$ and
 # the Huber loss would need scaling, too. Otherwise the agent would hardly explore, and more errors
@@ -256,14 +255,14 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # soft update with τ = 0.005, combined replay and γ = 0.95. `plain` is the paper's method with
 # nothing added, but with a network small enough for an ordinary processor. `lite` is our own
 # recipe, which trained the agent of this course. `docs/project/differences_from_the_paper.md` lists
-# all that `lite` changes. Four changes show the idea:
+# all changes in `lite`. Four of them show the idea:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
 # | 32 UAVs fly side by side | more flights for each update |
 # | three rewards before the Q-value in the target | news spreads faster |
 # | $\beta$ from 2 to 0.1 | explore first, refine later |
-# | crash from −10 to −150 | first fly far, then land in time |
+# | crash reward from −10 to −150 | first fly far, then land in time |
 #
 # With three rewards before its Q-value, the target is a *three-step return*:
 #
@@ -274,11 +273,12 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # News spreads faster, but there is a price. In 6.1 the target asked for the *best* next action,
 # whichever was taken. Here the second and third rewards were earned by an older agent that was
 # exploring, so the target is a little too low on average. Strictly speaking, such a target is right
-# only for flights of the present agent without exploring. (A *Monte Carlo* target takes all rewards
-# to the end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
+# only for flights that the present agent makes without exploring. (A *Monte Carlo* target takes all
+# rewards to the end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
 #
-# `lite` also halves the cost of a step, to 0.1. In a study with an earlier version of the program,
-# this cost 1.5 units of return ([the page on the recipe](../docs/results/recipe.md)).
+# `lite` also halves the cost of a step, to 0.1 units. In a study with an earlier version of the
+# program, this lowered the return by 1.5 units ([the page on the
+# recipe](../docs/results/recipe.md)).
 #
 # The **paper's method** makes an update for every single step, once its memory holds 25,000 random
 # steps. The picture shows *training* flights of three runs of each recipe; the runs of `plain` were
@@ -296,9 +296,9 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
        ylabel="collected and landed");
 
 # %% [markdown]
-# In the picture `plain` rises after fewer steps than `lite`. But it makes many more updates for
-# each step, and it explores less, because β is 0.1 throughout. The picture therefore compares steps
-# and not work, and it does not show where `plain` would end.
+# In the picture `plain` improves after fewer steps than `lite`. But `plain` makes many more updates
+# for each step, and explores less, because β is 0.1 throughout. The picture therefore compares
+# steps and not work, and it does not show where `plain` would end.
 #
 # ## Recap
 #

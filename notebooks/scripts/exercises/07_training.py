@@ -1,8 +1,9 @@
 # %% [markdown]
 # # Exercises 7 · Training
 #
-# These exercises go with notebook `07_training`. You need the curves and the recipe of the
-# notebook, and for the first exercise the parts that you built in the exercises of notebook 6.
+# These exercises go with notebook `07_training`. You should know the curves and the recipe of the
+# notebook. For the first exercise you also need the parts that you built in the exercises of
+# notebook 6.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
 # says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
@@ -43,10 +44,11 @@ from uavdh_lite.recipe import SMALL, Recipe
 # %% [markdown]
 # ## 7.1 · Your own DQN flies the village (6 points, 70 minutes)
 #
-# Put together the parts that you built in the exercises of notebook 6. It takes about forty lines,
-# and then an agent that you have built yourself flies over a city. The next cell takes three of the
-# parts from the solutions. Paste your own in their place if you like; the function that 6.5 calls
-# `target` is `target_of` here, because `target` will be the name of your second network.
+# Put together the parts that you built in the exercises of notebook 6. This takes about forty lines
+# of code, and then an agent that you have built yourself flies over a city. The next cell takes
+# three of the parts from the solutions. Paste your own in their place if you like; the function
+# that 6.5 calls `target` is `target_of` here, because `target` will be the name of your second
+# network.
 
 # %%
 Ring, target_of, policy = (
@@ -78,41 +80,43 @@ print("a batch of", len(pair))
 # Write `train(environment, scenario, rewards, rounds, generator)`. In each round 16 UAVs fly one
 # step, and the network learns from one minibatch:
 #
-# 1. **act**: the Q-values of the states, the softmax policy, and an action drawn from it for each
+# 1. **act**: compute the Q-values of the states and the softmax policy, and draw an action for each
 #    UAV
-# 2. **step**: `environment.step`, and `rewards(outcome)`
-# 3. **add**: each UAV's own step goes into the ring, for example as `(state, action, reward, next
+# 2. **step**: call `environment.step`, and compute `rewards(outcome)`
+# 3. **add**: put each UAV's own step into the ring, for example as `(state, action, reward, next
 #    state)`, where each state is a batch of one
 # 4. UAVs whose episode has ended start a new mission: `states.with_rows(places, new_states)` gives
-#    a copy in which the rows at these places are new
+#    a copy of `states` in which the rows at these places are new
 # 5. **sample** a minibatch, compute the double target, and take one step downhill
-# 6. the **target network** follows
+# 6. let the **target network** follow the network that learns
 #
 # Return a function `q_values(state)` that gives the Q-values of all six actions for a batch of
 # states, as a tensor of shape $(B, 6)$.
 #
-# This is what worked for us: a convolution of 16 kernels of 3 × 3 with stride 2, then 64 units; a
-# minibatch of 64 and a ring of 20,000; no learning in the first hundred rounds; Adam with a
-# learning rate of 0.002, $\gamma = 0.95$, $\tau = 0.02$; $\beta$ falls from 1 to 0.05 over the
-# course of the rounds; `nn.functional.huber_loss` with `delta=5` in place of the squared error (the
-# **Huber loss** is a parabola for small errors and a straight line for large ones, so that a single
-# crash does not pull too hard at the weights).
+# This is what worked for us: a convolution of 16 kernels of 3 × 3 with stride 2, then a layer of 64
+# units; a minibatch of 64 steps and a ring for 20,000; no learning in the first hundred rounds;
+# Adam with a learning rate of 0.002, $\gamma = 0.95$, $\tau = 0.02$; a $\beta$ that falls from 1 to
+# 0.05 over the course of the rounds; `nn.functional.huber_loss` with `delta=5` in place of the
+# squared error (the **Huber loss** is a parabola for small errors and a straight line for large
+# ones, so that a single crash does not pull too hard at the weights).
 #
-# The check trains your agent for 2000 rounds, in about half a minute, and flies it through 500
-# missions, always taking its best action. Your agent passes if its *collected and landed* is at
-# least 20 percentage points above that of random flying (11 %), if $y$ was made by a network that
-# lags behind, and if your agent has learned that nothing follows the end of an episode. Passing
-# therefore means that your agent learns, and not that everything is right: with three seeds, our
-# solution reached 50, 72 and 63 %. So compare your loop, too, with [the algorithm on one
-# page](../../../docs/tutorials/pseudocode.md). Before training, a network like ours mostly lands at
-# once or never, so it collects and lands 0 to 12 %. `REWARDS` counts 1 for each data unit, −0.1 for
-# each step, −1 where the safety controller steps in, and −20 for a crash.
+# The check trains your agent for 2000 rounds, which takes about half a minute, and then flies it
+# through 500 missions, in which it always takes its best action. Your agent passes if its
+# *collected and landed* is at least 20 percentage points above that of random flying (11 %), if $y$
+# was made by a network that lags behind the one that learns, and if your agent has learned that
+# nothing follows the end of an episode. Passing means that your agent learns, but not that
+# everything is right, so compare your loop, too, with [the algorithm on one
+# page](../../../docs/tutorials/pseudocode.md). With three seeds, our solution reached 50, 72 and 63
+# %. Before training, an agent with a network like ours mostly lands at once or never, so it
+# collects and lands 0 to 12 %. `REWARDS` counts 1 for each data unit, −0.1 for each step, −1 for
+# each action that the safety controller replaces, and −20 for a crash.
 #
 # <details><summary>Hint: the network</summary>
 #
-# The map and the time enter the network at different places. A class with `__init__` and
-# `forward(maps, time)` is the usual way: `torch.cat([self.convolution(maps), time], dim=1)` joins
-# them. A convolution of 3 × 3 with stride 2 turns 15 × 15 cells into 7 × 7.
+# The map and the time enter the network at different places. The usual way is a class with
+# `__init__` and `forward(maps, time)`, in which `torch.cat([self.convolution(maps), time], dim=1)`
+# joins the result of the convolution and the time. A convolution of 3 × 3 with stride 2 turns 15 ×
+# 15 cells into 7 × 7.
 # </details>
 #
 # <details><summary>Hint: the same as a skeleton</summary>
@@ -134,15 +138,15 @@ print("a batch of", len(pair))
 #
 # <details><summary>Hint: actions</summary>
 #
-# `torch.multinomial(probabilities, 1)[:, 0].numpy()` draws an action from each row. The Q-values
-# used for acting need no gradient.
+# `torch.multinomial(probabilities, 1)[:, 0].numpy()` draws an action from each row of
+# probabilities. The Q-values used for acting need no gradient.
 # </details>
 #
 # <details><summary>Hint: the minibatch</summary>
 #
 # `zip(*ring.sample(64, generator))` turns a list of four-tuples into four columns. Join states into
-# a batch with `State.concatenate(list)`, and numbers with `torch.tensor(np.array(column))`.
-# `batch.ended` says where the episode ended.
+# a batch with `State.concatenate(list)`, and numbers with `torch.tensor(np.array(column))`. For the
+# batch of next states, `batch.ended` says which of the steps ended an episode.
 # </details>
 
 # %%
@@ -205,10 +209,11 @@ def train(environment, scenario, rewards, rounds, generator):
 checks.village_dqn(train)
 
 # %% [markdown]
-# How good is your agent? The next cell flies the same missions with random, with greedy, and with
-# an agent that the library's own loop has trained for as many steps. This takes another half
-# minute. The library's recipe `small` has more than yours: 3-step returns, exploring starts, two
-# convolutions, layer normalisation, and a crash that costs 5 at first and 20 later.
+# How good is your agent? The next cell flies the same missions with your agent, with random, with
+# greedy, and with an agent that the library's own loop has trained for as many steps. This takes
+# another half minute. The library's recipe `small` has more than yours: 3-step returns, exploring
+# starts (flights that begin in mid-air), two convolutions, layer normalisation, and a crash that
+# costs 5 units at first and 20 later.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -235,14 +240,15 @@ def compare(rounds):
 compare(ROUNDS)
 
 # %% [markdown]
-# Why has your agent another result here than in the check? Both train the same code from the same
-# first weights, and fly it through the same 500 missions afterwards. Only the random numbers of the
-# training differ, and so the missions that the agent learns from. For our solution this alone makes
-# the difference between 50 % in the check and 66 % here, so judge no change by a single seed.
+# Why does your agent do better or worse here than in the check? Both run the same training code
+# from the same first weights, and afterwards fly the agent through the same 500 missions. Only the
+# random numbers of the training differ, and with them the missions from which the agent learns. For
+# our solution this alone makes the difference between 50 % in the check and 66 % here, so do not
+# judge a change by a single seed.
 #
-# Greedy is far ahead of either. What would help: more rounds, another $\beta$, a larger network?
-# Begin with three times as many rounds, and **write down what you expect** before you take the `#`
-# away and run the next cell, which takes two to three minutes.
+# Greedy is far ahead of your agent. What would help your agent: more rounds, another $\beta$, a
+# larger network? Begin with three times as many rounds, and **write down what you expect** before
+# you take the `#` away and run the next cell, which takes two to three minutes.
 
 # %%
 # compare(3 * ROUNDS)
@@ -250,22 +256,23 @@ compare(ROUNDS)
 # %% [markdown]
 # <details><summary>What our solution reached with 6000 rounds</summary>
 #
-# With the seeds 0, 1 and 2 it collected and landed 96, 97 and 96 %, where greedy has 99 %. So the
-# code was right, and what it needed was more rounds: the network that you have written yourself
-# nearly reaches the rule.
+# With the seeds 0, 1 and 2 our solution collected and landed 96, 97 and 96 % of the data, and
+# greedy 99 %. The code was right, but 2000 rounds were too few: after 6000, an agent that one can
+# write in about forty lines is nearly as good as the rule.
 # </details>
 #
-# Does the *double* in double DQN help an agent like yours? Notebook 6 shows its effect on random
-# numbers alone. The question makes a good project: train with six seeds each, once with `target_of`
-# and once with the plain maximum of the target network.
+# Does the *double* in double DQN help an agent like yours? Notebook 6 shows the effect of the
+# double target on random numbers alone. The question makes a good project: train twice with each of
+# six seeds, once with `target_of` and once with the plain maximum of the target network.
 #
 # ## 7.2 · What is wrong with this agent? (1 point, 5 minutes)
 #
 # A validation gives three shares between 0 and 1, each a mean over many missions: `landed`,
-# `collected` (collected data over all data, landed or not) and `time_used` (flying time used over
-# flying time given). The cell below shows nine such validations, from training runs over an earlier
-# map of Manhattan: one with the whole recipe `lite` (`all`), the others with one part of it
-# replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). Each name ends with the
+# `collected` (the collected data divided by all data, whether the UAV landed or not) and
+# `time_used` (the flying time used divided by the flying time given). The cell below shows nine
+# such validations, from training runs over an earlier map of Manhattan: one is of an agent trained
+# with the whole recipe `lite` (`all`), the others are of agents for which one part of the recipe
+# was replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). Each name ends with the
 # training seed and the number of steps, in thousands, after which the agent was validated.
 
 # %%
@@ -275,9 +282,9 @@ for name, shares in RUNS.items():
 # %% [markdown]
 # Write a function that says what is wrong with an agent, if anything. The agent
 #
-# 1. is `"lazy"` if it uses less than 25 % of the flying time, whatever else it does;
-# 2. otherwise it `"crashes"` if fewer than 90 % of its missions land;
-# 3. otherwise it is `"good"` if it collects at least 80 %;
+# 1. is `"lazy"` if it uses less than 25 % of the flying time, whatever its other shares are;
+# 2. otherwise it `"crashes"` if it lands in fewer than 90 % of its missions;
+# 3. otherwise it is `"good"` if it collects at least 80 % of the data;
 # 4. otherwise it `"wanders"`: it flies about but comes home with little.
 #
 # <details><summary>Hint</summary>
@@ -288,8 +295,8 @@ for name, shares in RUNS.items():
 #
 # <details><summary>Another hint</summary>
 #
-# First `if time_used < 0.25`, then `if landed < 0.9`, then look at `collected`: from 0.8 on the
-# agent is "good", otherwise it "wanders".
+# First ask whether `time_used < 0.25`, and then whether `landed < 0.9`. If neither holds, look at
+# `collected`: from 0.8 on the agent is "good"; below 0.8 it "wanders".
 # </details>
 
 # %%
@@ -318,18 +325,18 @@ for name, shares in RUNS.items():
 # %% [markdown]
 # ## 7.3 · The n-step return (2 points, 15 minutes)
 #
-# The recipe `lite` learns from the rewards of three steps and the value of the state after them, a
-# 3-step return. Here you compute such a return, as a target, for any number of steps. A memory
-# holds $T$ consecutive steps of one UAV. Compute the target for the first state, $s_0$, over up to
-# $n$ steps:
+# An agent with the recipe `lite` learns from 3-step returns: the rewards of three steps and the
+# value of the state after them. Here you compute such a return, as a target, for any number of
+# steps. A memory holds $T$ consecutive steps of one UAV. Compute the target for the first state,
+# $s_0$, over up to $n$ steps:
 #
 # $$y = r_0 + \gamma r_1 + \dots + \gamma^{m-1} r_{m-1} + \gamma^m V(s_m)$$
 #
 # - `rewards`: array of $T$ floats; `rewards[k]` is $r_k$, earned in the step from $s_k$ to
 #   $s_{k+1}$
-# - `terminals`: array of $T$ bools; `terminals[k]` says whether that step ended the episode; what
-#   is stored after it belongs to the next episode
-# - `values`: array of $T + 1$ floats; `values[k]` is $V(s_k)$, what the state $s_k$ is worth
+# - `terminals`: array of $T$ bools; `terminals[k]` says whether that step ended the episode; any
+#   step stored after such a step belongs to the next episode
+# - `values`: array of $T + 1$ floats; `values[k]` is $V(s_k)$, the value of the state $s_k$
 # - `n`: whole number, at least 1; `discount`: $\gamma$
 #
 # Here $m = n$, or $m = T$ if fewer than $n$ steps are stored. If one of these $m$ steps is
@@ -344,8 +351,9 @@ for name, shares in RUNS.items():
 #
 # <details><summary>Another hint</summary>
 #
-# Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor by γ,
-# and return if terminals[k]. After m = min(n, T) steps add factor · values[m].
+# Keep a sum, at first 0, and a factor, at first 1. For each step k, add factor · rewards[k] to the
+# sum and multiply the factor by γ; if terminals[k] is true, return the sum at once. After m =
+# min(n, T) steps, add factor · values[m] and return the sum.
 # </details>
 
 # %%
@@ -368,16 +376,16 @@ checks.n_step_return(n_step)
 # %% [markdown]
 # ## 7.4 · Mend a lazy agent (4 points, 20 minutes)
 #
-# The recipe `lazy` below does in the village what the lazy recipe of the notebook did in Manhattan.
-# Its agent lands in every mission, but it lands at once: it uses 4 % of its flying time and
-# collects nothing.
+# Section 7.4 of the notebook showed lazy agents, for which a crash cost 150 units from the start.
+# The recipe `lazy` below makes an agent for the village that is lazy, too: it lands in every
+# mission, but at once, so it uses 4 % of its flying time and collects nothing.
 
 # %%
 lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0, huber_delta=None,
                temperature=0.1, exploring_starts=0.0)
 
 # %% [markdown]
-# Mend this recipe: use `replace(lazy, ...)` to make one whose agent reaches at least 35 % in
+# Mend this recipe: use `replace(lazy, ...)` to make a recipe whose agent reaches at least 35 % in
 # *collected and landed*. Only the settings in the following table may be changed. The table shows
 # their values in `lazy` and in `small`, the recipe with which the notebook trains.
 
@@ -389,32 +397,32 @@ for name in MAY_CHANGE:
 
 # %% [markdown]
 # - `steps`: 24,000 or fewer
-# - `crash_reward_end`: −40 or lower (at the end, a crash must cost at least 40), so the −20 of
-#   `small` is not enough.
-# - `crash_reward`, the value at the start, may be anything up to 0. From there it changes linearly
-#   to `crash_reward_end`, and `crash_reward_growth` is the share of the run that this takes: 0.75
-#   means the first three quarters.
-# - `temperature` changes to `temperature_end` in the same way, during the share `temperature_decay`
-#   of the run. The higher the temperature, the more the agent explores.
+# - `crash_reward_end`: −40 or lower (at the end of the run, a crash must cost at least 40 units),
+#   so the −20 of `small` is not enough.
+# - `crash_reward`, the reward of a crash at the start, may be any number up to 0. From there the
+#   reward changes linearly to `crash_reward_end`, and `crash_reward_growth` is the share of the run
+#   that this takes: 0.75 means the first three quarters.
+# - `temperature` changes to `temperature_end` in the same way, and `temperature_decay` is the share
+#   of the run that this takes. The higher the temperature, the more the agent explores.
 # - `exploring_starts` is the share of the training episodes that begin in mid-air, at a random
 #   place.
 #
 # The check trains an agent with your recipe and seed 0. Then it flies the agent, as it is at the
-# end of the run, through 500 test missions of the village, always taking its best action. All this
-# takes about half a minute on a machine that is not busy.
+# end of the run, through 500 test missions of the village, in which the agent always takes its best
+# action. The whole check takes about half a minute on a machine that is not busy.
 #
 # <details><summary>Hint</summary>
 #
-# The agent lands at once because it learned to fear the crash before it saw what there is to
+# The agent lands at once because it learned to fear the crash before it saw how much there is to
 # collect. Must a crash cost as much at the beginning of the training as at its end?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Begin with a crash that costs a few data units, about as much as a step brings in, and let the
-# cost grow to crash_reward_end. Explore more while the Q-values are still wrong (temperature about
-# 1), and use all the steps. The other settings need not change, though a limit to the pull of large
-# errors (huber_delta) is worth a try.
+# Begin with a crash that costs a few data units, about as much as a step brings in, and let this
+# cost grow to that of crash_reward_end. Explore more while the Q-values are still wrong
+# (temperature about 1), and use all 24,000 steps. The other settings need not change, though a
+# limit to the pull of large errors (huber_delta) is worth a try.
 # </details>
 
 # %%
@@ -428,5 +436,5 @@ mended = replace(lazy, name="mended", steps=24_000, crash_reward=-2.0, crash_rew
 checks.mended_recipe(mended)
 
 # %% [markdown]
-# To save time, a single seed decides here. How would you find out whether your recipe is better
-# than another?
+# To save time, a single seed decides here whether the recipe passes. How would you find out whether
+# your recipe is better than another?
