@@ -2,9 +2,9 @@
 # # 8 · Ablation: map centring
 #
 # Notebook 4 put the UAV in the middle of its map, and notebook 5 showed in an example why that
-# might help. **Does centring help an agent to fly?** To find out, take it away and train again.
-# Such an experiment is called an **ablation**. Here are the first 600,000 steps of six training
-# runs: three with the centred map, and three with the city in place.
+# might help. **Does centring help an agent to fly?** To find out, take the centring away and train
+# again. Such an experiment is called an **ablation**. Here are the first 600,000 steps of six
+# training runs: three with the centred map, and three with the city in place.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -43,8 +43,8 @@ for ax in figure.axes:
 # ## 8.1 One thing changed
 #
 # An ablation tells us something only if all else is equal. Both kinds of run have the same number
-# of steps, missions drawn in the same way, and the same missions for validation. What differs is
-# one field of the recipe:
+# of steps, missions drawn in the same way, and the same missions for validation. Only one field of
+# the recipe differs:
 
 # %%
 from uavdh_lite.experiments.study import centring
@@ -54,12 +54,12 @@ for name, recipe in centring(LITE).items():
     print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
 
 # %% [markdown]
-# Both networks get 31 × 31 cells, because the city in place gets a rim of no-fly cells, and are
-# equally large, except that the city in place needs one more layer to show the UAV: 246,006 weights
-# with the centred map, 246,406 without.
+# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. Both have
+# nearly the same size, 246,006 weights with the centred map and 246,406 without, because the city
+# in place needs one more layer to show the UAV.
 #
 # Chance differs, too: a **seed** determines the first weights, the missions, the fading and every
-# action that is drawn. Each kind has three seeds.
+# action that is drawn. Each kind of run has three seeds.
 #
 # ## 8.2 The paper's figure
 #
@@ -71,13 +71,12 @@ for name, recipe in centring(LITE).items():
 # would fall outside it half of the time.
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good
-# part of the time, but on the right they do better. They collect more, but until about 250,000
-# steps they also crash more often, exploring or not, and each crash costs 150. Always say which
-# measure you mean. (In the paper's picture of the reward the centred agents are ahead; in ours only
-# later.)
+# part of the time, but on the right, by *collected and landed*, they do better. They collect more,
+# but until about 250,000 steps they also crash more often, and each crash costs 150 units. Always
+# say which measure you mean.
 #
-# Exploring hides part of what an agent can do. Here are the validations of these six runs, without
-# exploring.
+# Exploring hides part of what an agent can do. Here are the validations of the same six runs, in
+# which the agents do not explore:
 
 # %%
 METRIC = "collected_and_landed"
@@ -117,7 +116,7 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.82
 ax.legend();
 
 # %% [markdown]
-# The centred map seems to win by far. Here are six seeds; the one above was seed 2.
+# The centred map seems to win by far. Here are the runs with six seeds; the two above had seed 2.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
@@ -129,16 +128,17 @@ figure.supxlabel("thousand steps")
 figure.supylabel("collected and landed");
 
 # %% [markdown]
-# **One seed can show a lead of almost any size**: at the end it is 46 points with seed 2, 5 with
-# seed 3 and 1 with seed 5. Each of these pictures comes from a correct experiment, done only once.
-# Report all seeds, because the best of several owes more to luck than the others.
+# **One seed can show a lead of almost any size**: at the end the lead is 46 percentage points with
+# seed 2, 5 with seed 3 and 1 with seed 5. Report all seeds, because the best of several results
+# owes more to luck than the others.
 #
 # ## 8.4 How sure can you be?
 #
 # Three other seeds would show a different lead. How different? Take the runs in pairs, one pair for
-# each seed, so that each seed gives one difference. The **standard error** of their mean is their
-# standard deviation $s$ divided by the square root of their number $n$, so four times as many pairs
-# halve it. A **95 % confidence interval** extends $m$ standard errors to either side of the mean:
+# each seed, so that each seed gives one difference. The **standard error** of the mean difference
+# is the standard deviation $s$ of the differences divided by the square root of their number $n$,
+# so four times as many pairs halve the error. A **95 % confidence interval** extends $m$ standard
+# errors to either side of the mean:
 #
 # $$\text{mean}\pm m\,\frac{s}{\sqrt{n}}$$
 #
@@ -147,8 +147,8 @@ figure.supylabel("collected and landed");
 # | $m$ | 4.3 | 2.6 | 2.1 | 1.96 |
 #
 # Three differences may lie close together by chance; then $s$ is too small, and the large $m$ makes
-# up for it. (*Student's t distribution* gives these numbers.) If all runs were made again and
-# again, 95 % of such intervals would contain the true lead, provided that the differences are
+# up for this. (The values of $m$ come from *Student's t distribution*.) If all runs were made again
+# and again, 95 % of such intervals would contain the true lead, provided that the differences are
 # roughly normally distributed.
 
 # %%
@@ -173,17 +173,16 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
 # After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
-# **sooner**. (We chose the 300,000 after seeing the curves, so this gap is less certain than it
-# looks.) At the end of the long runs the interval contains 0, so these runs do not say which kind
-# is **better in the end**. In the village the bar just reaches 0, although there are six pairs: the
-# leads differ too much, from 1 to 46 points. For your project you need just this: three or six
-# differences, and 4.3 or 2.6 standard errors to either side of their mean.
+# **sooner**. (We chose the 300,000 steps after seeing the curves, so this gap is less certain than
+# it looks.) At the end of the long runs the interval contains 0, so these runs do not say which
+# kind is **better in the end**. In the village the bar just reaches 0, although there are six
+# pairs: the leads differ too much, from 1 to 46 points.
 #
 # ### Baselines
 #
-# Our agent brought home 97 % of the data in notebook 0. Is that good? The paper's brought home
-# 94.6 %, but over another map, so we need *baselines*, other pilots that fly the same missions.
-# Here are `random`, `greedy` and the agent in 1000 other missions:
+# Our agent brought home 97 % of the data in notebook 0. Is that good? The paper's agent brought
+# home 94.6 %, but over another map, so we need *baselines*, other pilots that fly the same
+# missions. Here is what `random`, `greedy` and the agent brought home in 1000 other missions:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -195,17 +194,18 @@ for name, values in share.items():
     print("{:<15} {:6.1%}, from {:.1%} to {:.1%}".format(name, *bootstrap_interval(values)))
 
 # %% [markdown]
-# These intervals are over missions, not runs. They come from the **bootstrap**, which draws 1000
-# results from these 1000 *with replacement* (some come twice, some not at all) and takes the mean.
-# It repeats this many times, and records how much the mean varies. For a share $p$ of yes-or-no
-# results, such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % in 1000 missions means 97 ± 1.1 %.
+# These intervals show the luck of the missions, not of the training. They come from the
+# **bootstrap**, which draws 1000 results from the 1000 recorded ones *with replacement* (some come
+# twice, some not at all) and takes the mean. The bootstrap repeats this many times, and records how
+# much the mean varies. For a share $p$ of yes-or-no results, such as `landed`, $s$ is
+# $\sqrt{p(1-p)}$: 97 % in 1000 missions means 97 ± 1.1 %.
 #
 # ### Paired differences
 #
 # Do the agent and greedy differ at all? What counts is the interval of the difference. One can
-# combine the errors of both as if they had flown different missions, $\sqrt{s_1^2/n+s_2^2/n}$, or
-# subtract mission by mission, because both flew the *same* ones: a hard mission is hard for both,
-# so much of the missions' luck cancels.
+# combine the standard errors of both pilots as if they had flown different missions,
+# $\sqrt{s_1^2/n+s_2^2/n}$. Or one can subtract mission by mission, because both flew the *same*
+# missions: a hard mission is hard for both, so much of the missions' luck cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
@@ -220,11 +220,12 @@ assert high < 0 and high - low < 1.5 * apart
 
 # %% [markdown]
 # Neither interval contains 0: `greedy` is ahead, here by 1.3 points. In 10,000 other missions
-# (seeds 1 to 10) it is ahead by only 0.65 (0.49 to 0.84), and the agent brings home 96.9 % (96.7 to
-# 97.1): the 1000 above suit it badly. One 95 % interval in twenty misses the truth. Errors add as
-# squares, so even if the two pilots' own intervals had overlapped a little, the difference could
-# have been clear: **overlapping intervals do not mean “no difference”**. Pairing makes the interval
-# narrower still, here by about as much as twice the number of missions would.
+# (seeds 1 to 10) greedy is ahead by only 0.65 points (0.49 to 0.84), and the agent brings home 96.9
+# % (96.7 to 97.1), so the 1000 missions above suit the agent badly. Because errors add as squares,
+# the error of the difference is smaller than the sum of the two pilots' errors. The difference can
+# therefore be clear even if the pilots' own intervals overlap a little: **overlapping intervals do
+# not mean “no difference”**. Pairing makes the interval narrower still, here by about as much as
+# twice the number of missions would.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -234,39 +235,39 @@ Quiz("more_missions")
 # %% [markdown]
 # ## Before you believe a surprise
 #
-# **Could luck alone have done it?** After 300,000 steps every run of one kind was above every run
-# of the other.
+# **Could luck alone have caused the gap?** After 300,000 steps every centred run was above every
+# run of the other kind.
 
 # %%
 Quiz("three_seeds")
 
 # %% [markdown]
 # Look only at the ranks of the six runs. If the methods were equally good, each of the 20 ways to
-# give three of the six ranks to one of them would be equally likely, and in two of the 20, or 10 %,
-# one method has the three best ranks. This share is called a **p-value**, and going through all
-# ways to deal out the results is a **permutation test**. With three runs of each kind it can never
-# fall below 10 %. In the village, with six, only 10 of the 924 ways give so large a gap, which is
-# 1 %: there probably is a lead.
+# give three of the six ranks to the first method would be equally likely, and in two of the 20
+# ways, or 10 %, one method has the three best ranks. This share is called a **p-value**, and going
+# through all ways to deal out the results is a **permutation test**. With three runs of each kind
+# the p-value can never fall below 10 %. In the village, with six runs of each kind, only 10 of the
+# 924 ways, or 1 %, give so large a gap: there probably is a lead.
 #
 # A difference with a p-value below 5 % is often called **statistically significant**. That does not
-# make it large, and one that is not significant has not been shown to be 0. Nor is the p-value the
-# probability that the methods are equally good.
+# make it large, and a difference that is not significant has not been shown to be 0. Nor is the
+# p-value the probability that the methods are equally good.
 #
 # **How many things did you compare?** Suppose that five parts of a recipe are taken away, each on
 # its own, and that none of them matters. Then in nearly one such study in five, at least one
 # comparison with the full recipe has a p-value below 5 %. So name the main comparison beforehand,
-# or ask for 5 % divided by the number of comparisons (**Bonferroni**), or repeat the surprising one
-# with new seeds.
+# or ask for p-values below 5 % divided by the number of comparisons (**Bonferroni**), or repeat the
+# surprising comparison with new seeds.
 #
-# **Were there enough runs?** To find a gap as large as the standard deviation of the runs at the
-# 5 % level in four studies out of five, you need about 17 runs of each kind. With three, only a far
-# larger gap can show.
+# **Were there enough runs?** To find, at the 5 % level and in four studies out of five, a gap as
+# large as the standard deviation of the runs, you need about 17 runs of each kind. With three runs,
+# only a far larger gap can show.
 #
 # ## 8.5 What has it learned?
 #
-# An ablation changes the agent. One can also change the *world* and see whether what was learned
-# still holds. Let us move both landing zones by two cells, and fly the same agent and rule. Predict
-# first: in how many missions will the agent land?
+# An ablation changes the agent. One can also change the *world* and see whether the agent's
+# knowledge still holds. Let us move both landing zones by two cells, and fly the same agent and
+# rule. Predict first: in how many missions will the agent land?
 
 # %%
 from dataclasses import replace
@@ -292,27 +293,27 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # %% [markdown]
 # Greedy flies as well as before, because it looks up the way home in the map, wherever home is. But
 # the agent is lost in most missions, although the layer with the landing zones is in its input and
-# was moved, too. Most of its crashes are where a zone used to be. In training the zones were always
-# in the same two corners. A network that learns "towards the corner" earns as much as one that
-# learns "towards the landing zone", so nothing made it tell the two apart. **Part of what the agent
-# knows is places, learned by heart.** This is overfitting again, this time to a city.
+# was moved, too. In training the zones were always in the same two corners. A network that learns
+# "towards the corner" earns as much as one that learns "towards the landing zone", so nothing made
+# our agent tell the two apart. **Part of the agent's knowledge is places that it has learned by
+# heart.** This is overfitting again, this time to a city.
 #
 # ## 8.6 What the evidence shows
 #
 # | question | what these runs say |
 # | --- | --- |
 # | Does an agent learn sooner with the centred map? | Very likely, judged by *collected and landed*, in this city and with this recipe |
-# | Is it better in the end? | Open: every centred run ended with a higher return than the others, but the shares collected are level, and three runs of each kind cannot settle it |
-# | Is the paper's larger gap wrong? | These runs cannot say: it comes from another recipe and other maps |
-# | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
-# | Is it the centring alone? | Open: the other frame gives the position differently, as a single 1, and in the strip that neither network reads (5.5) it has only rim |
+# | Is it better in the end? | Open: every centred run ended with a higher return than the others, but the shares collected are level, and three runs of each kind cannot settle the question |
+# | Is the paper's larger gap wrong? | These runs cannot say: that gap comes from another recipe and other maps |
+# | Is the recipe fair to both kinds? | Not quite: we tuned the recipe with the centred map |
+# | Is the gap due to the centring alone? | Open: the city in place shows the UAV's position differently, as a single 1, and the strip that neither network reads (5.5) contains only rim |
 #
 # ## Recap
 #
-# - Change one thing, keep the rest, and run several seeds.
-# - One seed is a sample of one. Several comparisons need a stricter level than one.
-# - Give every gap with its interval. If 0 is well inside it, the question is open; if 0 is near one
-#   end, neither answer is safe.
+# - Change one thing, keep the rest, and use several seeds.
+# - One seed is a sample of one.
+# - Give every gap with its interval. If 0 is well inside the interval, the question is open; if 0
+#   is near one end, neither answer is safe.
 # - Put baselines next to every number, and compare on the same missions, pair by pair.
 #
 # ## Exercises

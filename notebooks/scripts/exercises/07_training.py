@@ -334,8 +334,8 @@ for name, shares in RUNS.items():
 #
 # - `rewards`: array of $T$ floats; `rewards[k]` is $r_k$, earned in the step from $s_k$ to
 #   $s_{k+1}$
-# - `terminals`: array of $T$ bools; `terminals[k]` says whether that step ended the episode; any
-#   step stored after such a step belongs to the next episode
+# - `terminals`: array of $T$ bools; `terminals[k]` says whether that step ended the episode; a step
+#   that is stored after a terminal one belongs to the next episode
 # - `values`: array of $T + 1$ floats; `values[k]` is $V(s_k)$, the value of the state $s_k$
 # - `n`: whole number, at least 1; `discount`: $\gamma$
 #

@@ -40,26 +40,27 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 8.1 · How many steps to a threshold (1 point, 8 minutes)
 #
-# A training run is validated now and then. The array `steps` gives the number of environment steps
-# at each validation, in increasing order, and the array `values`, which is equally long, gives the
-# results. Such curves rise, but fall back from time to time, so the first time that a curve crosses
-# a threshold may be luck. Ask for more: the curve has to stay at or above the threshold for good.
+# During a training run the agent is validated now and then. The array `steps` gives the number of
+# environment steps at each validation, in increasing order, and the array `values`, which is
+# equally long, gives the results of the validations. The curve of such results rises, but falls
+# back from time to time, so the first time that it crosses a threshold may be luck. Ask for more:
+# the curve has to stay at or above the threshold for good.
 #
-# Return the number of environment steps at the first validation from which *all* values, up to the
-# last, are at least `threshold`. It is an element of `steps`. Return `None` if there is none, that
-# is, if the last value is below `threshold`.
+# Return the number of environment steps at the first validation from which on *all* values, up to
+# the last, are at least `threshold`. This number is an element of `steps`. Return `None` if there
+# is no such validation, that is, if the last value is below `threshold`.
 #
 # <details><summary>Hint</summary>
 #
-# At which validations is the curve below the threshold? You are asked for the one after the last of
-# them. And what if there is no such validation, or if the very last one is below?
+# At which validations is the curve below the threshold? You are asked for the validation after the
+# last of these. And what if no value is below the threshold, or if the very last one is?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
 # Go backwards from the end, through zip(steps[::-1], values[::-1]). At each value that is at least
-# the threshold, keep its step in place of the one you kept before; stop at the first value below
-# the threshold. If you have kept no step, return None.
+# the threshold, keep its number of steps in place of the number that you kept before; stop at the
+# first value below the threshold. If you have kept no number, return None.
 # </details>
 
 # %%
@@ -79,30 +80,30 @@ checks.steps_to(steps_to)
 
 # %% [markdown]
 # The number of steps that you return is only as precise as the distance between two validations,
-# and one unlucky validation late in the run makes it much larger. The first crossing, on the other
-# hand, comes too early if there is one lucky validation.
+# and one unlucky validation late in the run makes this number much larger. The first crossing of
+# the threshold, on the other hand, comes too early if a single early validation is lucky.
 
 # %% [markdown]
 # ## 8.2 · Paired or not (2 points, 8 minutes)
 #
 # Two policies flew the *same* $n$ missions; `a` and `b` are their results, two arrays of shape
 # (n,), where `a[k]` and `b[k]` belong to the same mission. By how much is the first policy ahead,
-# and how certain is that?
+# and how certain is this lead?
 #
 # Return `(mean, low, high)`: the mean of $a - b$ and the ends of its 95 % interval. Use the normal
 # approximation (1.96 standard errors), and divide by $n - 1$ in the standard deviation. Make use of
-# the pairs, and leave `a` and `b` as they are.
+# the pairing, and leave `a` and `b` as they are.
 #
 # <details><summary>Hint</summary>
 #
-# Both policies flew the same missions, so every mission gives one difference. You have n of these,
-# and you know how to give their mean with an interval.
+# Both policies flew the same missions, so every mission gives one difference. You have n
+# differences, and you know how to give their mean with an interval.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# With d = a − b, the ends are d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and
-# of b do not appear.
+# With d = a − b, the ends of the interval are d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The
+# variances of a and of b do not appear.
 # </details>
 
 # %%
@@ -127,22 +128,23 @@ checks.lead(lead)
 # still count as two values.)
 #
 # Go through *all* such splits. Return the share of splits in which the difference between the two
-# groups' means is, in absolute value, at least as large as the observed one: the two-sided p-value
-# of the exact permutation test. The observed split is one of them. Let differences that are equal
-# up to 1e-9 count as equal, since sums of floats are rounded. You need only numpy and the standard
-# library, and no random numbers.
+# groups' means is, in absolute value, at least as large as the observed difference. This share is
+# the two-sided p-value of the exact permutation test. The observed split counts as one of the
+# splits. Let differences that are equal up to 1e-9 count as equal, since sums of floats are
+# rounded. You need only numpy and the standard library, and no random numbers.
 #
 # <details><summary>Hint</summary>
 #
 # If the kind made no difference, every way of dealing the values out to the two groups would be as
-# likely as the one that you saw. In how many of these ways do the means differ by at least as much?
+# likely as the one that you saw. In how many of these ways do the means differ by at least as much
+# as the observed means?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first group;
-# the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and divide by the
-# number of splits.
+# itertools.combinations(range(len(a) + len(b)), len(a)) lists the places of the values that go to
+# the first group; the other values form the second group. Count the splits for which
+# abs(difference) >= abs(observed) - 1e-9, and divide this count by the number of all splits.
 # </details>
 
 # %%
@@ -163,5 +165,6 @@ def permutation_p(a, b):
 checks.permutation_p(permutation_p)
 
 # %% [markdown]
-# The test assumes nothing about how results are distributed. But it tests a single statement, that
-# both kinds have the same distribution of results, and does not say how large the difference is.
+# The test assumes nothing about how the results are distributed. But it tests a single statement,
+# that both kinds have the same distribution of results, and does not say how large the difference
+# is.
