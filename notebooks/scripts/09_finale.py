@@ -5,8 +5,7 @@
 # landing zones, the agent was lost, because it knew many places by heart. **Can an agent beat the
 # rule, and can an agent fly over a city that it has never seen?** Each point below is the mean
 # return of one pilot over the same 1000 missions. The grey line marks the rule. The labels on the
-# left say which pilot it is, or what it was given; sections 9.2 to 9.5 explain them. (`random` is
-# only in the table of 9.6.)
+# left name the pilots or say what they were given; sections 9.2 to 9.5 explain these labels.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -63,14 +62,14 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Give an agent what we know until it is ahead of the rule, let one fly over a city that you type yourself, and begin a project of your own |
+# | **What you'll do** | Give an agent what we know until it is ahead of the rule, let another fly over a city that you type yourself, and begin a project of your own |
 # | **What you'll learn** | Guarantee, tell, copy, learn: four ways to get knowledge into an agent, and what each of them costs |
 # | **What you'll need** | Notebooks 0 to 8. 40 minutes to read, 40 seconds to run; the project takes an afternoon |
 #
 # ## 9.1 Where we stand
 #
-# The DDQN agent, strengthened by the recipe `lite`, brings home about as much as the paper's did
-# over its own map, and a little less than a rule that needs no training.
+# The DDQN agent, strengthened by the recipe `lite`, brings home about as much as the paper's agent
+# did over its own map, and a little less than a rule that needs no training.
 #
 # Our agent learned from reward alone. It sees the street map, like the rule, but nobody told it
 # what the map means: how moves work, which routes are short, what a wall does to the radio. It paid
@@ -79,12 +78,12 @@ figure
 #
 # ## 9.2 Guarantee
 #
-# The DDQN agent learned from crashes how to land. A rule needs no crash: from the map one can count
-# the moves from each cell to the nearest landing zone, and an action is *too late* if, after it,
-# the way home takes longer than the time left. The **failsafe** replaces such an action by the
-# first move home. Many drones have such a function, called *return to home*; a rule that corrects
-# an agent's actions in this way is called a **shield**. Does the failsafe work for any pilot? Let
-# us try the worst one:
+# The DDQN agent learned from crashes how to land. A rule can do without crashes: from the map one
+# can count the moves from each cell to the nearest landing zone, and an action is *too late* if,
+# after it, the way home takes longer than the time left. The **failsafe** replaces such an action
+# by the first move home. Many drones have such a function, called *return to home*; a rule that
+# corrects an agent's actions in this way is called a **shield**. Does the failsafe work for any
+# pilot? Let us try the worst one:
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -104,9 +103,9 @@ assert flights.end.landed.all()
 
 # %% [markdown]
 # With the failsafe every flight lands, by construction, as long as the map is right and no wind
-# makes a step longer. What a rule guarantees need not be learned, and no crash of −150 disturbs the
-# Q-values any more. From here on, therefore, "landed 100 %" is no achievement of the agent, and we
-# shall look at the return.
+# makes a step longer. A skill that a rule guarantees need not be learned, and no crash reward of
+# −150 disturbs the Q-values any more. From here on, therefore, "landed 100 %" is no achievement of
+# the agent, and we shall look at the return.
 #
 # ## 9.3 Tell
 #
@@ -135,55 +134,57 @@ figure
 
 # %% [markdown]
 # The picture is bright around each device and along the streets, and dark where a building is in
-# the way: these are the shadows of notebook 2. The spot around the second device is dimmer, because
-# no cell can bring more than the 6 units that this device holds. The agent is given two more
-# pictures of this kind: how far home is from each cell, and how far each cell is from the UAV.
+# the way, in the shadows of notebook 2. The spot around the second device is dimmer than the other,
+# because no cell can bring more than the 6 units that this device holds. The agent is given two
+# more pictures of this kind, which show how far home is from each cell and how far each cell is
+# from the UAV.
 #
 # ## 9.4 Copy
 #
-# The *genie* is a planner that searches over whole flights and knows the rate of every link without
-# fading, which is a little lower than the mean rate of notebook 1. It lets many flights grow step
-# by step, drops those that cannot get home in time or can no longer become the best, and keeps,
-# among those in the same cell with the same devices emptied, only the few that have collected most.
-# On one core this takes about a twentieth of a second for a mission over our city, but up to a
-# dozen seconds over `metropolis`, with 50 × 50 cells and up to ten devices.
+# The *genie* is a planner that searches over whole flights and knows, for every link, the rate
+# without fading, which is a little lower than the mean rate of notebook 1. It lets many flights
+# grow step by step, drops those that cannot get home in time or can no longer become the best, and
+# keeps, among flights in the same cell with the same devices emptied, only the few that have
+# collected most. On one core this takes about a twentieth of a second for a mission over our city,
+# but up to a dozen seconds over `metropolis`, with 50 × 50 cells and up to ten devices.
 #
 # The genie is better than any agent here. But it has to search anew for each mission, and it needs
 # the formulas of the channel. Can a network learn to do at a glance what the genie does after a
-# search? Let the genie fly, write down for each state what it did, and train a network on these
+# search? Let the genie fly, write down its action in each state, and train a network on these
 # examples. The network gives a score for each action, a softmax turns scores into probabilities,
-# and the loss is the **cross-entropy**, a measure of how surprised the network is at what the genie
-# did:
+# and the loss is the **cross-entropy**, a measure of how surprised the network is at the genie's
+# action:
 #
 # $$L=-\log\pi(a_\text{genie}\mid s)$$
 #
-# This is **imitation learning**, or *behavioural cloning*. It is the training loop of notebook 5
-# with a different loss; nothing in it knows what a reward is.
+# This is **imitation learning**, or *behavioural cloning*. Its training loop is that of notebook 5
+# with a different loss; rewards play no part in it.
 #
 # ## 9.5 Learn on
 #
-# A copy makes small mistakes, and each of them takes it to states in which it never saw the genie
-# act; there it makes larger ones. Asking the genie what to do in those states repairs some of the
-# damage (notebook 12). And the genie itself is not perfect: it plans without fading, so it does not
-# reckon with luck. Reward can teach what the genie does not know.
+# A copy makes small mistakes, and each of them takes the copy to states in which it never saw the
+# genie act; there it makes larger mistakes. Asking the genie what to do in those states repairs
+# some of the damage (notebook 12). And the genie itself is not perfect: it plans without fading, so
+# it does not reckon with luck. Reward can teach what the genie does not know.
 #
 # The agent therefore now learns from its own flights. It flies each mission several times, drawing
-# its actions from its probabilities, and compares the return of each flight with the mean of the
-# others. The difference is the flight's **advantage** $A$. Say two flights of one mission bring 30
-# and 20. The first has $A=+10$, so each of its actions becomes more likely. The second has $A=-10$,
-# so each of its actions becomes less likely, even a good one; over many flights that averages out.
-# The loss is that of 9.4, weighted by $A$:
+# its actions from its probabilities, and compares the return of each flight with the mean return of
+# the others. The difference is the flight's **advantage** $A$. Say two flights of one mission bring
+# returns of 30 and 20. The first has $A=+10$, so each of its actions becomes more likely. The
+# second has $A=-10$, so each of its actions becomes less likely, even a good one; over many flights
+# such errors average out. The loss is that of 9.4, weighted by $A$:
 #
 # $$L=-A\,\log\pi(a\mid s)$$
 #
 # A method that changes the probabilities themselves in this way is called a **policy gradient**
-# method. (As in *proximal policy optimisation*, PPO, our program limits how far a set of flights
-# may change a probability.)
+# method. (As in *proximal policy optimisation*, PPO, our program limits how far a probability may
+# change.)
 #
-# It is on-policy (6.1): it uses a flight once or a few times, because those of an older agent were
-# drawn from other probabilities, whereas DDQN learns from a stored step again and again and should
-# be more **sample-efficient**. [A map of the field](../docs/tutorials/map_of_the_field.md) shows
-# where PPO, SAC and the other **actor–critic** methods stand, which learn values as well.
+# Such a method is on-policy (6.1): it uses a flight only once or a few times, because the actions
+# of an older agent were drawn from other probabilities. DDQN learns from a stored step again and
+# again, so it should be more **sample-efficient**. [A map of the
+# field](../docs/tutorials/map_of_the_field.md) shows the place of PPO, SAC and the other
+# **actor–critic** methods, which learn values as well.
 #
 # ## 9.6 The ladder
 #
@@ -198,11 +199,12 @@ for name, values in ladder.items():
 
 # %% [markdown]
 # The agent that was given all four gifts is **ahead of the rule**, and the interval of its lead
-# stays away from 0. (This agent comes from a single training run.) In the library it is
-# `manhattan`, in the README *imitation agent*; its teacher is the genie. Three gifts are enough to
+# does not contain 0. (This agent comes from a single training run.) It is called `manhattan` in the
+# library and *imitation agent* in the README; its teacher is the genie. Three gifts are enough to
 # get ahead: on [the ladder](../docs/results/ladder.md), over 3000 missions, an agent without the
-# last leads by 1.1 units, and agents with all four by 1.4. Here it flies beside greedy and the DDQN
-# agent, all three with the failsafe, over the devices of 0.3 and with 40 units of time:
+# last gift leads by 1.1 units of return, and agents with all four by 1.4. Here `manhattan` flies
+# beside greedy and the DDQN agent, all three with the failsafe, over the devices of 0.3 and with 40
+# units of time:
 
 # %%
 from uavdh_lite.player import play
@@ -214,11 +216,11 @@ play(world, {name: mission.fly(world, find_policy(name, world)).trajectory(0) fo
 
 # %% [markdown]
 # The agent with four gifts collects everything, whereas each of the others leaves one device's data
-# behind. We picked this mission. With 35 units, as in notebook 0, the agent is no better than
-# greedy, and the DDQN agent is ahead of both; with 70, all three collect everything. In two thirds
-# of the 1000 missions above, the agent and greedy are within one unit of each other.
+# behind. We picked this mission to show a difference. With 35 units of time, as in notebook 0, the
+# agent is no better than greedy, and the DDQN agent is ahead of both. In two thirds of the 1000
+# missions above, the returns of the agent and greedy are within one unit of each other.
 #
-# Here is what each gift costs:
+# Each gift has its price:
 #
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
@@ -231,18 +233,18 @@ play(world, {name: mission.fly(world, find_policy(name, world)).trajectory(0) fo
 # pilots differ in what they were told, and *a comparison is fair only between pilots that were told
 # the same*.
 #
-# Even the genie does not collect everything, for the reasons of 3.4. **So do not expect 100 % of
-# any pilot.** The distance to the genie, though it is not an upper bound, says more than the
+# Even the genie does not collect everything, for the reasons given in 3.4. **So do not expect 100 %
+# from any pilot.** The genie is not an upper bound, but the distance to it says more than the
 # distance to 100 %. [Notebook 12](12_four_ways.ipynb) compares agents with and without each gift,
 # in runs with three seeds.
 #
 # ## 9.7 A city that you have just typed
 #
 # The agent of notebook 8 had learned some places by heart. What if an agent learns in *thousands*
-# of cities, with one of them drawn for each mission? `any_city` learned in 3000, with the four
-# gifts. It hardly knows them by heart: in return it leads greedy by 2.1 units there, and by 2.0 in
-# new ones. Type a city, and let the agent fly over it. `L` is a landing zone, `N` a no-fly zone,
-# `B` a building, and a dot a free cell. Any size up to 16 × 16 cells will do:
+# of cities, with one of them drawn for each mission? The agent `any_city` learned in 3000 cities,
+# with the four gifts. It hardly knows these cities by heart: its return is 2.1 units above greedy's
+# there, and 2.0 in new cities. Type a city, and let the agent fly over it. `L` is a landing zone,
+# `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16 × 16 cells will do:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -276,43 +278,41 @@ for name, each in flown.items():
 
 # %% [markdown]
 # Nobody trained the agent for this city. The network sees the walls and zones around the UAV in the
-# centred map of the paper, and a wall to the north is a wall to the north in any city. And what the
-# agent is told (the expected data, and how far each cell is from home and from the UAV) is computed
-# from your city's map. Is the agent ahead of greedy here? Over many cities it earns 2 units more
-# per mission and collects about as much; in a single city either may win.
+# centred map of the paper, in which a wall north of the UAV looks the same in any city. And the
+# pictures of 9.3 are computed from your city's map. Is the agent ahead of greedy here? On average
+# over many cities it is, but in a single city either may win.
 #
-# Could the agent fly a real UAV? What separates a simulator from the street is called the
-# **sim-to-real gap**. Our UAV knows its position, the map and the data left exactly, meets no wind,
-# and saves time where a real one saves energy. Before a real flight, put realistic errors into the
+# Could the agent fly a real UAV? The difference between a simulator and the street is called the
+# **sim-to-real gap**. Our UAV knows its exact position, the map and the data left, meets no wind,
+# and saves time where a real UAV saves energy. Before a real flight, put realistic errors into the
 # evaluation one at a time (a position one cell off, a building missing from the map, stronger
-# fading), see which costs most, and train with that error drawn at random (**domain
+# fading), see which error costs most, and train with that error drawn at random (**domain
 # randomisation**).
 #
 # ### Why learn at all?
 #
-# This was the question of notebook 0. Over our city, learning has gained us little. Greedy searches
-# nothing, decides at once and flies over any city, and the agent that learned from reward alone is
-# a little behind it. The agent with four gifts is 1.4 units ahead of greedy. But the genie, its
-# teacher, is further ahead, and over our city it is quick. Whoever knows the channel and has a
-# genie should let the genie fly.
+# Over our city, learning has gained us little. Greedy does not search, decides at once and flies
+# over any city, and the agent that learned from reward alone is a little behind greedy. The agent
+# with four gifts is 1.4 units ahead of greedy. But the genie, its teacher, is further ahead, and
+# over our city it is quick. Whoever knows the channel and has a genie should let the genie fly.
 #
-# Learning pays where something of this is missing. Where nobody can write down the channel, no
-# genie can plan and nothing can be told, but reward still teaches, in millions of steps, crashes
-# included, or in a simulator that was fitted to measurements (notebook 14). Where nobody knows a
-# good rule, an agent may find its own. Where a search takes too long, as it may over `metropolis`,
-# an agent pays for it beforehand, in training and **for all missions**, and then decides at once.
-# Our city lacks nothing, and that is why one can learn the method here: the right answer is known,
-# so what an agent has learned can be checked.
+# Learning pays where the channel, the rule or the time to search is missing. Where nobody can write
+# down the channel, no genie can plan and nothing can be told, but reward still teaches, in millions
+# of steps with many crashes, or in a simulator that was fitted to measurements (notebook 14). Where
+# nobody knows a good rule, an agent may find its own. Where a search takes too long, as it may over
+# `metropolis`, an agent pays for it beforehand, in training and **for all missions**, and then
+# decides at once. Over our city nothing is missing, which makes it a good place to study the
+# method: the right answer is known, so an agent's knowledge can be checked.
 #
 # ## 9.8 Your turn
 #
 # The course ends with something of your own: [the project](project/project.ipynb). Choose a city or
-# a reward, write down what you expect, train with three seeds, and report a paired interval against
-# greedy, on one page. The project's notebook is a template that runs as it is; two finished
+# a reward, write down what you expect, train with three seeds, and report, on one page, a paired
+# interval against greedy. The project's notebook is a template that runs as it is; two finished
 # projects stand beside it, one better than the other.
 #
 # And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a
-# planner, the network of exercise 7.1. Your score is its result on the *practice set*, a set of
+# planner or the network of exercise 7.1. Your score is its result on the *practice set*, a set of
 # missions that is the same for everybody:
 #
 # ```text
@@ -325,17 +325,18 @@ for name, each in flown.items():
 #
 # ## Recap
 #
-# - A rule that always holds need not be learned; what can be computed can be told; a planner can be
-#   copied; reward teaches the rest.
-# - With all four gifts, an agent beats the rule in its own city. With reward alone, it comes close
-#   over Manhattan and earns a little more over the open field.
+# - A rule that always holds need not be learned; what can be computed can be told to the agent; a
+#   planner can be copied; reward teaches the rest.
+# - With all four gifts, an agent beats the rule in its own city. With reward alone, an agent comes
+#   close to the rule over Manhattan and is a little ahead of it over the open field.
 # - An agent that learned in thousands of cities can fly over one that was typed a minute ago.
-# - Say what a pilot was told before you compare it, and give greedy's result beside every number.
+# - Say what a pilot was told before you compare pilots, and give greedy's result beside every
+#   number.
 #
 # ## Exercises
 #
 # The [project](project/project.ipynb) is the exercise of this notebook. [What you can do
-# now](../docs/tutorials/what_you_can_do.md) has twelve questions to test yourself.
+# now](../docs/tutorials/what_you_can_do.md) has twelve questions for a self-test.
 #
 # Going further: [evaluation](10_evaluation.ipynb), [replay](11_replay.ipynb), [four ways to
 # knowledge](12_four_ways.ipynb), [any city](13_any_city.ipynb) and [a real
