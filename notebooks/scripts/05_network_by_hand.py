@@ -200,7 +200,7 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # %% [markdown]
 # Blue marks the building's western edge; red, its eastern one. The window has four positions along
 # each side; in general, a kernel of $k$ cells on a side turns $n$ cells into $n-k+1$. A rim of
-# zeros (**padding**) would keep the size; the agent's network uses none. The same nine weights are
+# zeros (**padding**) keeps the size; the agent's network uses no padding. The same nine weights are
 # used everywhere (**weight sharing**), so what they learn in one place holds in all others. If the
 # building moves one cell east, so does the result (**translation equivariance**).
 #
@@ -217,7 +217,7 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # ### What a unit can see
 #
 # Each number in a layer's output is a *unit*. How much of the map does a unit of the second
-# convolution see? Its slope with respect to a cell on which it does not depend is 0:
+# convolution see? A unit's slope with respect to a cell on which it does not depend is 0:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -249,8 +249,8 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # columns? The answer is +1 for yes and −1 for no. Our 8000 examples are pairs of a device's cell
 # and a UAV's cell; in half of them the device is near. Every other pair is used for training, the
 # rest for the test. A map *in place* has two layers, one with a 1 in the device's cell and one with
-# a 1 in the UAV's. A *centred* map has only one layer, with a 1 at the device's position relative
-# to the UAV.
+# a 1 in the UAV's. A *centred* map has one layer, with a 1 at the device's position relative to the
+# UAV.
 
 # %%
 from uavdh_lite.course.near_far import near_pairs

@@ -89,8 +89,7 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 # %% [markdown]
 # After one flight only the last cell before the device knows that something good is near. (In the
 # cells with −0.1 and −0.2, all four moves have been tried in vain.) Each further flight spreads the
-# news, until the start is worth 6.7. This is how a table solves **credit assignment**: from back to
-# front.
+# news, until the start is worth 6.7. A table thus solves **credit assignment** from back to front.
 #
 # ### Names
 #
@@ -148,7 +147,7 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # A table for Manhattan would need a row for every combination of positions, times and amounts of
 # data: for five devices more than $10^{13}$ rows, even without the amounts. Instead, a network
-# computes the Q-values from its inputs, in the small city the row and the column of the cell. It
+# computes the Q-values from its inputs (in the small city, the row and the column of the cell). It
 # answers even for a cell that it has never seen, and neighbouring cells get similar values. This is
 # **generalisation**.
 #
@@ -270,8 +269,8 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 axes[0].set_ylabel("probability");
 
 # %% [markdown]
-# With a low β the agent nearly always takes one of the best actions; with a high β, almost any.
-# After training it always takes the best action, which is the **greedy policy** (eq. 9).
+# With a low β the agent nearly always takes one of the best actions; with a high β, almost any
+# action. After training it always takes the best action, which is the **greedy policy** (eq. 9).
 #
 # The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
 # otherwise the best. The same ε suits Q-values of any size, whereas β must fit that size. But
@@ -284,9 +283,9 @@ axes[0].set_ylabel("probability");
 # ## 6.5 Double Q-learning
 #
 # Q-values are estimates, so each has some error. In the first picture, landing is refused and costs
-# 1 unit more than hovering, so the bar for landing should be 1 unit lower. It is nearly 7 units
-# lower, perhaps because landing is hardly ever tried there, so that its value is hardly ever
-# corrected. What do such errors do to the largest Q-value?
+# 1 unit more than hovering, so its bar should be 1 unit lower than that for hovering. It is nearly
+# 7 units lower, perhaps because landing is hardly ever tried there, so that its value is hardly
+# ever corrected. What do such errors do to the largest Q-value?
 
 # %%
 Quiz("whose_maximum")

@@ -76,7 +76,7 @@ print(inspect.getsource(Trainer.step))
 # - Several UAVs fly side by side, 16 in the next section. Each of them flies one step between two
 #   updates.
 # - When an episode has ended, `_restart_ended` puts a new random mission in its place, so the agent
-#   cannot memorise a single mission.
+#   cannot simply memorise one mission.
 # - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing.
 #   Otherwise the first minibatches would be drawn again and again from the same few steps.
 # - The agent learns from the rewards of `training_rewards_at`, in which the cost of a crash may
@@ -142,8 +142,8 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 # ## 7.3 Reading the curves of a real run
 #
 # Below are the curves of the run that produced the agent of the course, averaged over bins of 5000
-# steps. They show *training* flights, in which the agent explores. Half of these flights begin in
-# mid-air, so that the agent practises the way home, and are left out of the figure.
+# steps. They show *training* flights, in which the agent explores. Half of the training flights
+# begin in mid-air, so that the agent practises the way home, and are left out of the figure.
 
 # %%
 from uavdh_lite.storage import data_folder, read_table
@@ -165,8 +165,8 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 #
 # At first the agent learns to land. Then **collected** rises while **landed** and the **return**
 # fall sharply, because the agent flies farther, and exploring makes it late. Later both recover,
-# mainly because the agent explores less: of the flights without exploring between 200,000 and
-# 500,000 steps, when a crash still cost less than 30 units, 98 % ended with a landing.
+# mainly because the agent explores less: of the flights that it made without exploring between
+# 200,000 and 500,000 steps, when a crash still cost less than 30 units, 98 % ended with a landing.
 #
 # Everybody looks at the **loss** first, but the loss tells you least. In notebook 5 the examples
 # were fixed, so a falling loss meant better answers. Here the loss measures how far the Q-values
@@ -176,7 +176,7 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # each crash costs more.
 #
 # Test flights tell more: at the start of 1000 missions our agent's largest Q-value is 20.8 on
-# average, and the discounted rewards that then come in (with steps that cost 0.1 units, as in
+# average, and the discounted rewards that then come in (with steps costing 0.1 units, as in
 # training) add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
 #
 # What if the score falls late in a run? First look at the other seeds and at the next validations,
@@ -280,8 +280,8 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # program, this lowered the return by 1.5 units ([the page on the
 # recipe](../docs/results/recipe.md)).
 #
-# The **paper's method** makes an update for every single step, once its memory holds 25,000 random
-# steps. The picture shows *training* flights of three runs of each recipe; the runs of `plain` were
+# The **paper's method** makes an update for every step, once its memory holds 25,000 random steps.
+# The picture shows *training* flights of three runs of each recipe; the runs of `plain` were
 # stopped early.
 
 # %%
@@ -298,7 +298,7 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 # %% [markdown]
 # In the picture `plain` improves after fewer steps than `lite`. But `plain` makes many more updates
 # for each step, and explores less, because β is 0.1 throughout. The picture therefore compares
-# steps and not work, and it does not show where `plain` would end.
+# steps, not work, and does not show where `plain` would end.
 #
 # ## Recap
 #

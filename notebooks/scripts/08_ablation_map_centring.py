@@ -194,7 +194,7 @@ for name, values in share.items():
     print("{:<15} {:6.1%}, from {:.1%} to {:.1%}".format(name, *bootstrap_interval(values)))
 
 # %% [markdown]
-# These intervals show the luck of the missions, not of the training. They come from the
+# These intervals show the luck of the missions, not that of the training. They come from the
 # **bootstrap**, which draws 1000 results from the 1000 recorded ones *with replacement* (some come
 # twice, some not at all) and takes the mean. The bootstrap repeats this many times, and records how
 # much the mean varies. For a share $p$ of yes-or-no results, such as `landed`, $s$ is
@@ -202,10 +202,10 @@ for name, values in share.items():
 #
 # ### Paired differences
 #
-# Do the agent and greedy differ at all? What counts is the interval of the difference. One can
-# combine the standard errors of both pilots as if they had flown different missions,
-# $\sqrt{s_1^2/n+s_2^2/n}$. Or one can subtract mission by mission, because both flew the *same*
-# missions: a hard mission is hard for both, so much of the missions' luck cancels.
+# Do the agent and greedy differ at all? Look at the interval of the difference. One can combine the
+# standard errors of both pilots as if they had flown different missions, $\sqrt{s_1^2/n+s_2^2/n}$.
+# Or one can subtract mission by mission, because both flew the *same* missions: a hard mission is
+# hard for both, so much of the missions' luck cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]

@@ -293,8 +293,8 @@ for name, each in flown.items():
 #
 # Over our city, learning has gained us little. Greedy does not search, decides at once and flies
 # over any city, and the agent that learned from reward alone is a little behind greedy. The agent
-# with four gifts is 1.4 units ahead of greedy. But the genie, its teacher, is further ahead, and
-# over our city it is quick. Whoever knows the channel and has a genie should let the genie fly.
+# with four gifts earns 1.4 units more than greedy. But the genie, its teacher, is further ahead,
+# and over our city it is quick. Whoever knows the channel and has a genie should let the genie fly.
 #
 # Learning pays where the channel, the rule or the time to search is missing. Where nobody can write
 # down the channel, no genie can plan and nothing can be told, but reward still teaches, in millions
@@ -312,8 +312,8 @@ for name, each in flown.items():
 # projects stand beside it, one better than the other.
 #
 # And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a
-# planner or the network of exercise 7.1. Your score is its result on the *practice set*, a set of
-# missions that is the same for everybody:
+# planner or the network of exercise 7.1. Your score is the pilot's result on the *practice set*, a
+# set of missions that is the same for everybody:
 #
 # ```text
 # python -m uavdh_lite challenge score my_policy.py greedy --leaderboard board.json

@@ -133,8 +133,8 @@ checks.convolve(convolve)
 #   `kernel_size`×`kernel_size` cells. A kernel sees all the layers that its convolution is given.
 #   The first convolution is given the layers of the map; a later one is given one layer for each
 #   kernel of the convolution before it. There is no padding: a kernel is placed only where it lies
-#   wholly inside these layers. It starts in the north-western corner and moves on by one stride
-#   each time, along the rows and the columns, as long as it fits.
+#   wholly inside these layers. The kernel starts in the north-western corner and moves on by one
+#   stride each time, along the rows and the columns, as long as it fits.
 # - flattening into a list, to which the flying time is appended as one more number.
 # - fully connected layers, one for each number in `hidden`, with that many neurons.
 # - a fully connected output layer.

@@ -75,7 +75,7 @@ def step(cell, action):
 # <details><summary>Hint</summary>
 #
 # You need two loops, one inside the other: over the flights, and over the steps of a flight. In
-# which of them does the table change?
+# which of the two loops does the table change?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -126,7 +126,7 @@ checks.learned_table(learn_table)
 # | turns each example's maps into one row of numbers; the result has shape (8, 784) | `rows = nn.Flatten()(convolution(torch.rand(8, 5, 15, 15)))` |
 #
 # Mind the shapes. If you subtract numbers in a column, of shape (5, 1), from numbers in a row, of
-# shape (5,), you get a table of 5 × 5, and nothing warns you.
+# shape (5,), you get a table of 5 × 5 numbers, and nothing warns you.
 #
 # A network that is not simply one layer after the other is written as a class. `super().__init__()`
 # must come first, so that PyTorch finds the layers; `forward` is the method that runs when the
@@ -162,12 +162,12 @@ print(memory[:3])
 # - `memory`: a tensor like the one above; `gamma`: $\gamma$
 # - `updates`: the number of steps of gradient descent
 #
-# Return the network. Called with a tensor of cells, of shape $(B, 2)$, it should give their
-# Q-values, of shape $(B, 4)$. One hidden layer of 64 units with ReLU, Adam with a learning rate of
-# 0.01 and minibatches of 32 random rows work well. The loss is the mean of $(y - Q(s, a))^2$
-# (paper, eq. 7), where $Q(s, a)$ belongs to the action that was taken and
-# $y = r + \gamma \max_{a'} Q(s', a')$ comes from the **same** network; at the end of an episode, $y = r$. The target is a
-# fixed number: no gradient flows through it.
+# Return the network. Called with a tensor of cells, of shape $(B, 2)$, the network should give the
+# Q-values of these cells, of shape $(B, 4)$. One hidden layer of 64 units with ReLU, Adam with a
+# learning rate of 0.01 and minibatches of 32 random rows work well. The loss is the mean of $(y -
+# Q(s, a))^2$ (paper, eq. 7), where $Q(s, a)$ belongs to the action that was taken and $y = r +
+# \gamma \max_{a'} Q(s', a')$ comes from the **same** network; at the end of an episode, $y = r$.
+# The target is a fixed number: no gradient flows through it.
 #
 # The check uses only small values of $\gamma$. When your answer is right, the check shows what such
 # a network does with $\gamma = 0.95$.
@@ -210,7 +210,8 @@ checks.learned_network(learn_network)
 
 # %% [markdown]
 # With $\gamma = 0.95$ the values explode: the network makes its own targets, and every step towards
-# a target raises the next target. Notebook 6 explains why, and in exercise 6.4 you mend this.
+# a target raises the next target. Notebook 6 explains why, and in exercise 6.4 you mend the
+# network.
 
 # %% [markdown]
 # ## 6.3 · A replay memory (3 points, 20 minutes)
@@ -223,12 +224,12 @@ checks.learned_network(learn_network)
 # - `Ring(capacity)`: makes an empty memory for `capacity` ≥ 1 items.
 # - `add(item)`: stores an item. If the memory is full, the new item takes the place of the oldest
 #   one.
-# - `sample(size, generator)`: returns a list of `size` ≥ 1 items in any order. One of them is the
-#   newest. Each of the other `size` − 1 is drawn from *all* stored items, the newest included. All
-#   stored items are equally likely, and the draws are independent of each other, so an item may
-#   appear more than once. `generator` is a `numpy.random.Generator`; all randomness must come from
-#   it, for example from `generator.integers(0, n, count)`, which gives `count` whole numbers from 0
-#   to `n` − 1. `sample` is never called on an empty memory.
+# - `sample(size, generator)`: returns a list of `size` ≥ 1 items in any order. One of these items
+#   is the newest. Each of the other `size` − 1 is drawn from *all* stored items, the newest
+#   included. All stored items are equally likely, and the draws are independent of each other, so
+#   an item may appear more than once. `generator` is a `numpy.random.Generator`; all randomness
+#   must come from it, for example from `generator.integers(0, n, count)`, which gives `count` whole
+#   numbers from 0 to `n` − 1. `sample` is never called on an empty memory.
 #
 # An item is a tuple with any content; return the very tuples that were added. Adding an item should
 # not take longer when the memory is large, so try to do without shifting all items by one place,
@@ -376,9 +377,10 @@ checks.learned_calmly(learn_calmly)
 #     return reward + discount * value
 # ```
 #
-# An example with $\gamma = 0.9$ and three actions: $r = 1$, the online network gives $s'$ the
-# Q-values 2, 5, 3, and the target network 4, 2, 6. For the online network the second action is the
-# best, and the target network says that this action is worth 2: $y = 1 + 0.9 \cdot 2 = 2.8$.
+# An example with $\gamma = 0.9$ and three actions: $r = 1$, the online network gives the actions in
+# $s'$ the Q-values 2, 5, 3, and the target network gives them 4, 2, 6. For the online network the
+# second action is the best, and the target network says that this action is worth 2: $y = 1 + 0.9
+# \cdot 2 = 2.8$.
 #
 # <details><summary>Hint</summary>
 #
@@ -408,8 +410,9 @@ checks.double_target(target)
 # %% [markdown]
 # ## 6.6 · A softmax that does not overflow (2 points, 10 minutes)
 #
-# An agent that only ever takes the action with the largest Q-value never finds out what the others
-# would have brought. The softmax policy takes action $a$ in state $s$ with the probability
+# An agent that only ever takes the action with the largest Q-value never finds out whether another
+# action would have earned more. The softmax policy takes action $a$ in state $s$ with the
+# probability
 #
 # $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)} \qquad \text{(paper, eq. 10)}$$
 #

@@ -240,11 +240,11 @@ def compare(rounds):
 compare(ROUNDS)
 
 # %% [markdown]
-# Why does your agent do better or worse here than in the check? Both run the same training code
-# from the same first weights, and afterwards fly the agent through the same 500 missions. Only the
-# random numbers of the training differ, and with them the missions from which the agent learns. For
-# our solution this alone makes the difference between 50 % in the check and 66 % here, so do not
-# judge a change by a single seed.
+# Why does your agent do better or worse here than in the check? The check and the cell run the same
+# training code from the same first weights, and afterwards fly the agent through the same 500
+# missions. Only the random numbers of the training differ, and with them the missions from which
+# the agent learns. For our solution this alone makes the difference between 50 % in the check and
+# 66 % here, so do not judge a change by a single seed.
 #
 # Greedy is far ahead of your agent. What would help your agent: more rounds, another $\beta$, a
 # larger network? Begin with three times as many rounds, and **write down what you expect** before

@@ -58,9 +58,9 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# Go backwards from the end, through zip(steps[::-1], values[::-1]). At each value that is at least
-# the threshold, keep its number of steps in place of the number that you kept before; stop at the
-# first value below the threshold. If you have kept no number, return None.
+# Go through the validations backwards, with zip(steps[::-1], values[::-1]). At each value that is
+# at least the threshold, keep its number of steps in place of the number that you kept before; stop
+# at the first value below the threshold. If you have kept no number, return None.
 # </details>
 
 # %%
