@@ -81,7 +81,7 @@ print(inspect.getsource(Trainer.step))
 #   Otherwise the first minibatches would be drawn again and again from the same few steps.
 # - The agent learns from the rewards of `training_rewards_at`, in which the cost of a crash may
 #   grow during the run. The agent is judged by the rewards `REPORTED`, which are fixed.
-# - The last two lines record a row for the training curves every 5000 steps.
+# - The last two lines record one row of the training curves every 5000 steps.
 #
 # ## 7.2 Train one now
 #

@@ -266,8 +266,8 @@ Quiz("three_seeds")
 # ## 8.5 What has it learned?
 #
 # An ablation changes the agent. One can also change the *world* and see whether the agent's
-# knowledge still holds. Let us move both landing zones by two cells, and fly the same agent and
-# rule. Predict first: in how many missions will the agent land?
+# knowledge still holds. Let us move both landing zones by two cells, and let the agent and greedy
+# fly. Predict first: in how many missions will the agent land?
 
 # %%
 from dataclasses import replace
