@@ -286,7 +286,7 @@ checks.ring_buffer(Ring)
 #
 # Mend the network of 6.2: let a second network, the target network, make the targets. It begins as
 # a copy of the network that learns, the online network, and follows it slowly. After every update
-# each weight of the target network moves towards the same weight of the online network:
+# each weight of the target network moves towards the corresponding weight of the online network:
 #
 # $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
 #

@@ -377,8 +377,8 @@ checks.n_step_return(n_step)
 # ## 7.4 · Mend a lazy agent (4 points, 20 minutes)
 #
 # Section 7.4 of the notebook showed lazy agents, for which a crash cost 150 units from the start.
-# The recipe `lazy` below makes an agent for the village that is lazy, too: it lands in every
-# mission, but at once, so it uses 4 % of its flying time and collects nothing.
+# The recipe `lazy` below makes an agent lazy in the village, too: the agent lands in every mission,
+# but at once, so it uses 4 % of its flying time and collects nothing.
 
 # %%
 lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0, huber_delta=None,
