@@ -286,7 +286,7 @@ def add_legend(figure: Figure, devices: int) -> None:
 def draw_curves(
     ax: Axes, runs: list[dict[str, np.ndarray]], metric: str, label: str | None = None, **style
 ) -> Axes:
-    """A training curve: the mean over runs and the range that holds 99 % of them, by steps.
+    """A training curve: the mean over runs, and their 99 % quantile range, by steps.
 
     Runs that have their rows at different steps have no such mean. Each is a line of its own then.
 

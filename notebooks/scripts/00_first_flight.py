@@ -291,7 +291,7 @@ for action, value in zip(ACTIONS, q_values):
     print(f"{action:<6}{value:7.1f}", "  ◀ taken" if value == q_values.max() else "")
 
 # %% [markdown]
-# These six numbers are all that the network computes. How it learns to compute them is the subject
+# These six numbers are the network's whole output. How it learns to compute them is the subject
 # of notebook 6.
 #
 # Here is the plan of the course. Notebooks 1 and 2 show what the radio channel does. Notebook 3

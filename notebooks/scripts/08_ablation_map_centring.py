@@ -64,11 +64,11 @@ for name, recipe in centring(LITE).items():
 # ## 8.2 The paper's figure
 #
 # The figure at the top has the same form as the paper's. Each point is a mean over the training
-# flights in a bin of 5000 steps. Each line is the mean of three runs, and the pale band around it
-# holds 99 % of their values.
+# flights in a bin of 5000 steps. Each line is the mean of three runs. The pale band runs from
+# the 0.5th to the 99.5th percentile of their values.
 #
-# With three values, that band reaches almost from the smallest to the largest, and a fourth run
-# would fall outside it half of the time.
+# Of three values, that is almost the whole range, and a fourth run would fall outside it half of
+# the time.
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good
 # part of the time, but on the right, by *collected and landed*, they do better. They collect more,

@@ -154,7 +154,7 @@ checks.rewards_by_hand(rewards_by_hand)
 #
 # <details><summary>Hint</summary>
 #
-# There are three kinds of actions. Hovering is always allowed, landing depends on one layer, and
+# There are three kinds of action. Hovering is always allowed, landing depends on one layer, and
 # for a move you have to ask two questions about the target cell, in the right order.
 # </details>
 #

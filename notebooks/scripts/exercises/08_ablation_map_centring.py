@@ -46,8 +46,8 @@ from uavdh_lite.course import checks
 # back from time to time, so the first time that it crosses a threshold may be luck. Ask for more:
 # the curve has to stay at or above the threshold for good.
 #
-# Return the number of environment steps at the first validation from which on *all* values, up to
-# the last, are at least `threshold`. This number is an element of `steps`. Return `None` if there
+# Find the first validation at which the value, like *all* later ones, is at least `threshold`, and
+# return its number of environment steps. This number is an element of `steps`. Return `None` if there
 # is no such validation, that is, if the last value is below `threshold`.
 #
 # <details><summary>Hint</summary>
