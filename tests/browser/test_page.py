@@ -237,6 +237,11 @@ def test_a_device_is_dragged_and_moved_by_keys_and_both_can_be_undone(page):
     expect(page.locator(".map g[data-device='0']:focus")).to_have_count(1)
     page.keyboard.press("Control+z")
     expect(label).to_have_attribute("aria-label", before)
+    page.get_by_role("slider", name="step").focus()
+    page.keyboard.press("Control+Shift+Z")
+    expect(label).not_to_have_attribute("aria-label", before)
+    page.keyboard.press("Control+z")
+    expect(label).to_have_attribute("aria-label", before)
     start = page.locator(".map g[data-device='-1']").first
     row, col = map(int, re.findall(r"\d+", start.get_attribute("aria-label")))
     start.focus()
@@ -286,6 +291,21 @@ def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
     expect(page.locator(".ranking tr")).to_have_count(2)
     press(page, "hover")
     expect(page.locator(".refusal")).to_contain_text("this flight is over")
+    for name in ("policy-1", "city"):  # a list keeps the keys that choose in it
+        page.locator(f"[data-set='{name}']").focus()
+        for key in ("ArrowUp", "ArrowDown", "ArrowUp"):
+            page.keyboard.press(key)
+            page.wait_for_timeout(300)
+            expect(page.locator(f"[data-set='{name}']:focus")).to_have_count(1)
+    expect(output := page.locator(".controls output")).to_have_text("0 of 0")  # of a new mission
+    page.locator("#panel").focus()
+    page.keyboard.press(" ")
+    expect(output).to_have_text("1 of 1")
+    open_tool(page, "Compare")
+    choose(page, "policy-0", "you")
+    expect(page.locator(".tool")).to_contain_text("Find a duel: choose two agents, because")
+    expect(page.locator("[data-ask*=duel]")).to_have_count(0)
+    expect(page.locator(".tool table")).to_contain_text("0, in the air")
 
 
 def test_a_tool_that_was_chosen_by_keys_is_flown_by_keys(page):
@@ -516,6 +536,7 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
         def opened_by_link(step):
             press(page, "Link")
             expect(page.locator(".copy").first).to_have_text("Copied")
+            expect(page.locator(".refusal")).to_contain_text("needs this file, too")
             expect(page.locator(".copy").first).to_have_text("Link")
             link = page.evaluate("navigator.clipboard.readText()")
             assert re.search("#stage=.{100}", link), link
@@ -652,10 +673,24 @@ def test_files_are_saved_opened_and_dropped(page, tmp_path):
 def test_touch_flies_lands_and_drags(browser, address, size):
     width, height = SIZES[size]
     options = {"viewport": {"width": width, "height": height}, "has_touch": True, "is_mobile": True}
+    options["permissions"] = ["clipboard-read", "clipboard-write"]
     with visiting(browser, address, **options) as page:
         page.get_by_role("button", name="Skip the story").tap()
+        down = "each => { each.scrollTop = each.scrollHeight; return each.scrollTop; }"
+        panel = page.locator("#panel")
+        panel.evaluate(down)
+        page.get_by_role("tab", name="Channel").tap()
+        page.locator(".main[data-shows='channel']").wait_for()
+        panel.evaluate(down)
+        page.touchscreen.tap(*place(page, 8, 8))
+        said = re.compile(r"(from|of) device 0\b.*Row 8, column 8")
+        expect(page.locator(".sentence")).to_contain_text(said)
+        assert panel.evaluate("each => each.scrollTop") == 0 and visible(page, ".sentence")
+        assert size != "phone" or panel.evaluate(down) > 0  # else it would not be seen anyway
         page.get_by_role("tab", name="Fly").tap()
         page.locator(".main[data-shows='fly']").wait_for()
+        page.wait_for_timeout(200)
+        assert panel.evaluate("each => each.scrollTop") == 0
         pad = page.locator(".pad").bounding_box()
         for action, count in (("hover", 1), ("north", 2), ("south", 3)):
             page.locator(f".pad .{action}").tap()
@@ -674,7 +709,9 @@ def test_touch_flies_lands_and_drags(browser, address, size):
         expect(page.locator(".controls output")).to_have_text("0 of 0")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         page.get_by_role("button", name="More").tap()
-        expect(page.get_by_role("button", name="Copy the link")).to_be_visible()
+        page.get_by_role("button", name="Copy the link").tap()
+        expect(page.locator(".refusal")).to_contain_text("needs this file, too")
+        assert visible(page, ".refusal")
 
 
 # What VS Code allows the outputs of notebooks

@@ -60,6 +60,26 @@ def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time(
     assert modules("(both) => compare_js.parting(...both, 10)", [first, second]) == part
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "said"),
+    [
+        (flown(0, 1, 11, 12, 13), flown(0, 10, 11, 21, 31),
+         "They first act differently at step 1, but stay near each other until step 3."),
+        (flown(0, 1, 2, 12, 22, 23, 24), flown(0, 10, 20, 21, 22, 32, 42),
+         "They first act differently at step 1, but come near each other again."),
+        (flown(0, 1, 2, 3, left=[9, 9, 8, 8]), flown(0, 10, 20, 30, left=[9, 9, 6.6, 6.6]),
+         "At step 1, one flies east and goes home, while two flies south and gets 2.4 units from "
+         "device 0 by step 2."),
+        (flown(0, 1, 2, 3, left=[9, 9, 7.1, 7.1]), flown(0, 10, 20, 30, left=[9, 9, 6.9, 6.9]),
+         "At step 1, one flies east, while two flies south."),  # both get it
+    ],
+)  # fmt: skip
+def test_what_is_said_of_a_parting_is_what_both_do(modules, first, second, said):
+    script = f"""(both) => {{ {WHO} const part = compare_js.parting(...both, 10);
+        return compare_js.reasons([one, two], both, part, 10).map(say); }}"""
+    assert said in modules(script, [first, second])
+
+
 def test_steps_without_data_are_counted_and_the_long_stretches_that_lead_nowhere_are_found(modules):
     cells = [0, 1, 2, 1, 2, 2, 2, 2, 2, 2]
     flight = flown(*cells, left=[9, 9, 9, 9, 9, 9, 8, 8, 8, 8])
@@ -101,7 +121,7 @@ def test_sentences_speak_to_the_reader(modules):
     facts = """[
       { kind: "part", step: 3,
         acts: [{ who: you, action: "land", refused: true }, { who: one, action: "hover" }],
-        ends: [{ who: you, device: 1, by: 7 }, { who: one, home: true }] },
+        ends: [{ who: you, device: 1, by: 7, amount: 2.84 }, { who: one, home: true }] },
       { kind: "spends", who: you, spent: { brings: 4, idle: 9 }, other: one,
         others: { brings: 3, idle: 2 }, stretches: [], hovers: 0, turns: 0 },
       { kind: "spends", who: one, spent: { brings: 1, idle: 40 }, other: you,
@@ -114,7 +134,7 @@ def test_sentences_speak_to_the_reader(modules):
         winner: { who: one, amount: 2.29, first: 4, last: 4 } },
       { kind: "crash", who: one, other: you }]"""
     assert modules(f"() => {{ {WHO} return {facts}.map(say); }}") == [
-        "At step 4, you are refused the landing and get 2 units from device 1 "
+        "At step 4, you are refused the landing and get 2.8 units from device 1 "
         "by step 7, while one hovers and goes home.",
         "Apart from landing, you take 4 steps that bring 0.1 units or more and 9 that do not; "
         "one takes 3 and 2.",
@@ -149,9 +169,11 @@ def check_duel(scene, wanted):
         given = [[a - b for a, b in zip(before, left[:-1], strict=True)] for left in flight["left"]]
         when = next((k for k in range(part, len(given)) if max(given[k]) >= 2), None)
         if when is not None:
-            soon.append((str(given[when].index(max(given[when]))), str(when)))
-    clauses = re.findall(r"gets 2 units from device (\d) by step (\d+)", why)
-    assert clauses == soon or (not clauses and len({device for device, _ in soon}) <= 1)
+            most = max(given[when])
+            soon.append([pytest.approx(most, abs=0.051), given[when].index(most), when])
+    told = re.findall(r"gets ([\d.]+) units from device (\d) by step (\d+)", why)
+    clauses = [[*map(float, each)] for each in told]
+    assert clauses == soon or (not clauses and len({device for _, device, _ in soon}) <= 1)
     moves = [[*pairwise(flight["path"])] for flight in flights]
     ways = [[[b - a for a, b in zip(*move, strict=True)] for move in each] for each in moves]
     same = [one == other for one, other in zip(*ways, strict=False)]

@@ -199,7 +199,7 @@ def test_what_is_wrong_with_a_mission_is_said(tell):
     around = [[r, c] for r in (5, 6, 7) for c in (5, 6, 7) if (r, c) != (6, 6)]
     said = tell("paint", cells=around, sign="B")["warnings"]
     assert said == [
-        "No way leads from the landing zone to a cell of this city, row 6, column 6.",
+        "No way leads from the landing zone to row 6, column 6.",
         "Device 0 is sealed in: it cannot be seen from any cell that the UAV can reach.",
     ]
     tell("move", device=0, cell=[1, 6])
@@ -209,6 +209,8 @@ def test_what_is_wrong_with_a_mission_is_said(tell):
     assert outside["state"]["absent"] == absent
     short = tell("time", value=3)["warnings"][-1]
     assert short == "A flying time of 3 is too short: the way home alone takes 7."
+    assert tell("tool", tool="watch")["warnings"] == []  # which is about the village
+    tell("tool", tool="compare")
     assert tell("city", name="village")["warnings"] == []
 
 
@@ -227,6 +229,7 @@ def test_a_flight_by_hand_is_the_mission_flown_so_and_is_ranked_at_its_end(tell)
     assert landed == [True, False]  # the best first
     tell("policy", which=0, name="you")
     assert tell("tool", tool="compare")["panel"]["verdict"].startswith("Greedy wins")
+    tell("duel", wanted=1, refused="a duel needs two agents")
     assert tell("new")["panel"]["why"] == []  # the flight of a new mission has not begun
 
 

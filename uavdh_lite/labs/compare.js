@@ -71,16 +71,23 @@ export function verdict(who, results) {
 /**
  * What each does where they part, and what comes of it: facts, each with the step to look at, `look`.
  * @param {number | null} part from `parting`
+ * @param {number} size of the city
  */
-export function reasons(who, flights, part) {
+export function reasons(who, flights, part, size) {
   if (flights.some(({ action }) => !action.length)) return [];
   if (part === null) return [{ kind: "same" }];
   const ends = flights.map((flight, k) => ({ who: who[k], ...towards(flight, part) }));
-  const apart = ends[0].device !== ends[1].device || ends[0].home !== ends[1].home;
+  const left = ({ dataLeft }, device, by) => (dataLeft[by] ?? dataLeft.at(-1))[device];
+  const both = ends.some(({ device, by }, k) => // the other, of which nothing is said, leaves as little there
+    by && !ends[1 - k].by && left(flights[1 - k], device, by) - left(flights[k], device, by) < ENOUGH);
+  const apart = !both && (ends[0].device !== ends[1].device || ends[0].home !== ends[1].home);
   const acts = flights.map((flight, k) => ({ who: who[k], ...acted(flight, part) }));
   const facts = [{ kind: "part", step: part, acts, ends: apart ? ends : null, look: part }];
   const first = flights[0].action.findIndex((action, k) => action !== flights[1].action[k]);
-  if (first >= 0 && first < part) facts.push({ kind: "first", step: first, look: first });
+  if (first >= 0 && first < part) {
+    const far = Array.from({ length: part - first }, (_, k) => cellsApart(...flights.map(({ uavCell }) => uavCell[first + 1 + k]), size));
+    facts.push({ kind: "first", step: first, until: Math.max(...far) <= NEAR ? part : null, look: first });
+  }
   if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts; // one is in the air
   const behind = sum(flights[0].reward) < sum(flights[1].reward) ? 0 : 1;
   const about = { who: who[behind], other: who[1 - behind] };
@@ -142,12 +149,12 @@ export function astray(flight) {
   return { stretches: long, hovers: steps.filter(hovers).length, turns: steps.filter((k) => !hovers(k)).length };
 }
 
-/** The device that first gives much and the step by which it has, or whether it goes straight home. */
+/** The device that first gives much, the step by which it has and the amount, or whether it goes straight home. */
 function towards(flight, step) {
   for (let after = step + 1; after < flight.dataLeft.length; after += 1) {
     const given = flight.dataLeft[step].map((each, k) => each - flight.dataLeft[after][k]);
     const most = Math.max(...given);
-    if (most >= MUCH) return { device: given.indexOf(most), by: after };
+    if (most >= MUCH) return { device: given.indexOf(most), by: after, amount: most };
   }
   const way = Array.from(flight.uavCell.slice(step, -1)); // without the step that lands
   return { home: flight.landed && way.length > 1 && new Set(way).size === way.length };

@@ -37,6 +37,7 @@ export function attend(stage) {
     const thing = thingAt(cell);
     const { tool: name } = stage.scene.state;
     hover(cell); // a finger does not hover
+    if (name === "channel") find("#panel").scrollTop = 0; // to the sentence about the cell
     if (el.classList.contains("adding")) return add(cell);
     const painting = name === "paint" && thing === null;
     if (!painting && (thing === null || name === "watch")) return;
@@ -143,7 +144,8 @@ export function attend(stage) {
     const { set, field } = target.dataset;
     const { value } = target;
     const { looks } = stage.scene.state;
-    if (stage.scene.state.tool === "fly" && set) find("#panel").focus({ preventScroll: true }); // keys steer again
+    const steers = stage.scene.state.tool === "fly" && set && !target.matches(":focus-visible"); // again, unless keys chose
+    if (steers) find("#panel").focus({ preventScroll: true });
     if (set === "city") ask({ kind: "city", name: value });
     else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
     else if (set?.startsWith("run-")) {
@@ -262,7 +264,9 @@ export function attend(stage) {
       stage.paint();
       return stage.endStory();
     }
-    const does_ = event.target.matches("input, select") ? null : keyed(event);
+    const undoes = event.ctrlKey || event.metaKey; // which a slider and a list leave to the page
+    const own = event.target.matches(undoes ? "input:not([type=range], [type=checkbox])" : "input, select");
+    const does_ = own ? null : keyed(event);
     if (!does_) return;
     event.preventDefault();
     event.stopImmediatePropagation();

@@ -161,7 +161,7 @@ export class Session {
       version: this.version,
       panel: { ...this.panel(flights), ...this.extra },
       place: hangar.place && sentence({ kind: "place", ...hangar.place }),
-      warnings: warnings(hangar.environment, stage.mission).map(sentence),
+      warnings: stage.tool === "watch" ? [] : warnings(hangar.environment, stage.mission).map(sentence), // it is about the village
       refused,
       note: this.notes.splice(0).map(sentence).join(" "),
       number,
@@ -231,8 +231,9 @@ export class Session {
     compare(flights) {
       const who = this.stage.policies.map((name) => whoIs(name, this.agents));
       const results = flights.map(numbers);
-      const part = parting(...flights, this.hangar.environment.size);
-      const facts = reasons(who, flights, part);
+      const { size } = this.hangar.environment;
+      const part = parting(...flights, size);
+      const facts = reasons(who, flights, part, size);
       const look = facts.map(({ look }) => look).filter((step) => step !== undefined);
       return {
         parting: part,
@@ -272,7 +273,8 @@ export class Session {
         settings: races.map(({ title, text }) => [title, text]),
         mean: point && sentence(pointFact(pointOf(looks, point, this.shelf), episodes)),
         left: point && !village.sameAs(before),
-        elsewhere: village.sameAs(mission.city) ? "" : village.name,
+        village: village.name,
+        elsewhere: !village.sameAs(mission.city),
         runs: runs.map(bare),
         says: raceFacts(runs, episodes, looks.metric).map(sentence),
       };
@@ -369,8 +371,8 @@ export class Session {
     /** The next mission in which the first policy wins (1), loses (−1), or is level (0). */
     async duel({ wanted }) {
       const { stage, hangar } = this;
-      const usual = newStage(stage.mission, this.shelf).policies;
-      const pair = stage.policies.includes(YOU) ? usual : stage.policies;
+      const pair = stage.policies;
+      require(!pair.includes(YOU), "a duel needs two agents, because your flight belongs to this mission");
       const { city, seed } = stage.mission;
       const found = await this.long("Looking for a duel", async (turn) => {
         for (let k = 1; k <= TRIES; k += 1) {

@@ -125,6 +125,7 @@ export function draw(el, model) {
         const blob = text.then((content) => new Blob([content], { type: "text/plain" }));
         await navigator.clipboard.write([new ClipboardItem({ "text/plain": blob })]); // promised during the press
         button.textContent = "Copied";
+        if (location.protocol === "file:") stage.refuse("Whoever opens the link needs this file, too: open it, press More and paste the link.", true);
         setTimeout(() => (button.textContent = button.dataset.name), 1500);
       } catch {
         find(".drawer").show();
@@ -183,6 +184,7 @@ export function draw(el, model) {
     if (changed) drawMaps(film, state.tool);
     const warnings = scene.warnings.map((text) => `<p class="warning">${escaped(text)}</p>`).join("");
     const place = scene.place ? `<p class="place"><small>${escaped(scene.place)}</small></p>` : "";
+    if (drawnTool !== state.tool) find("#panel").scrollTop = 0;
     stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${place}${legend(film)}`);
     el.querySelectorAll(".map svg").forEach((map, k) => {
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";

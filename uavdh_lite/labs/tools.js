@@ -170,7 +170,7 @@ export const TOOLS = {
       const { verdict, why, parting, look, results } = scene.panel;
       const duel = (name, wanted) => button(name, { kind: "duel", wanted });
       const [first, second] = results.map(({ who }) => escaped(who.title));
-      const brought = ({ landed, collected }) => (landed ? collected.toFixed(1) : "0, crashed");
+      const brought = ({ landed, ended, collected }) => (landed ? collected.toFixed(1) : ended ? "0, crashed" : "0, in the air");
       const flown = `${heads("this mission", results)}<tbody>
         ${line(`${term("data units", "data")} brought home`, results, brought)}
         ${line("time used", results, ({ steps }) => steps)}
@@ -180,7 +180,9 @@ export const TOOLS = {
       const ring = parting === null ? "" : `<small>Orange ring: where each is before step ${parting + 1}.</small>`;
       return `<h2>${explained(verdict)}</h2><p class="why">${explained(why.join(" "))}</p>
         <div class="row">${go}</div>
-        <div class="row">Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
+        <div class="row">Find a duel: ${results.some(({ who }) => who.you)
+          ? "choose two agents, because your flight belongs to this mission."
+          : duel(`${first} wins`, 1) + duel(`${second} wins`, -1) + duel("nearly level", 0)}</div>
         ${choosePolicies(scene, "left", "right")}
         <table>${flown}${average(scene)}</table><div class="row">${manyButton}${ring}</div>`;
     },
@@ -284,7 +286,7 @@ export const TOOLS = {
       stage.find(".ray")?.classList.toggle("blocked", hidden);
       const sign = film.city[row][col];
       const there = `${KINDS[sign]?.name ?? "open ground"}${"BN".includes(sign) ? ", where no UAV may fly" : ""}`;
-      const head = hidden ? `Hidden by buildings: they cost ${cost.toFixed(1)} ${term("dB")}.` : "In sight.";
+      const head = hidden ? `Hidden from device ${panel.device} by buildings: they cost ${cost.toFixed(1)} ${term("dB")}.` : `In sight of device ${panel.device}.`;
       const instead = hidden ? ` instead of ${units(panel.free[number])}` : "";
       const traced = panel.traced ? ` in the model; ${units(panel.traced.rate[number])} in flights` : "";
       stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${units(panel.rate[number])} units a ${term("slot")}${instead}${traced}.`);
@@ -336,7 +338,7 @@ export const TOOLS = {
     title: "Watch",
     still: ({ state }) => !state.point,
     html({ panel, film, state: { looks, point } }) {
-      const { settings, runs, says, elsewhere, left, mean } = panel;
+      const { settings, runs, says, village, elsewhere, left, mean } = panel;
       const others = (k) => settings.map(([title], run) => [run, title]).filter(([run]) => run !== looks.runs[1 - k]);
       const racer = (colour, pairs, k) => `<span class="racer"><span class="key ${colour}"></span>
         ${chooser(colour, `run-${k}`, pairs, looks.runs[k] ?? "")}</span>`;
@@ -344,14 +346,14 @@ export const TOOLS = {
       const [flight] = film.flights;
       const verdict = `<p class="verdict" role="status">${says.map(escaped).join("<br>")}</p>`;
       const odd = runs.flatMap(({ points }) => points).find(({ steps }) => steps % 1000);
-      return `<h2>Watch it learn</h2><div class="row">${racer("blue", others(0), 0)}${racer("orange", [["", "nobody"], ...others(1)], 1)}
+      return `<h2>Watch it learn in the ${escaped(village)}</h2><div class="row">${racer("blue", others(0), 0)}${racer("orange", [["", "nobody"], ...others(1)], 1)}
         ${chooser("shown", "metric", METRICS.map((each) => [each, each.replaceAll("_", " ")]), looks.metric)}</div>
         <p class="setting">${about.join("<br>")}</p>
         <div class="${this.fresh(looks.runs) ? "draws" : ""}">${curves(runs, point, looks.metric)}</div>
         ${point ? "" : verdict}<p class="flies">${point
           ? `This flight: ${explained(flight.name)}, in one mission. ${flight.ending} ${mean}`
           : "Press near a point, or move with the arrow keys, to see its agent fly. Each point stands for 100 missions that the agent did not learn from."}
-        ${elsewhere && `The agents learn in the ${escaped(elsewhere)}: a point shows its agent there, and ↶ brings your mission back.`}
+        ${elsewhere ? `The agents learn in the ${escaped(village)}: a point shows its agent there, and ↶ brings your mission back.` : ""}
         ${left ? "↶ brings your mission back." : ""} The training runs were recorded.
         ${odd ? `They fly several missions at once, hence ${grouped(odd.steps)} steps and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>${point ? verdict : ""}`;
     },

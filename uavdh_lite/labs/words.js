@@ -33,9 +33,9 @@ function act({ who, action, refused }) {
   return { hover: says(who, "hovers"), land: says(who, "lands") }[action] ?? says(who, "flies", action);
 }
 
-const towards = ({ device, by, home, who }) =>
+const towards = ({ device, by, amount, home, who }) =>
   device !== undefined
-    ? ` and ${who.you ? "get" : "gets"} 2 units from device ${device} by step ${by}`
+    ? ` and ${who.you ? "get" : "gets"} ${units(amount)} units from device ${device} by step ${by}`
     : home
       ? ` and ${who.you ? "go" : "goes"} home`
       : "";
@@ -62,7 +62,8 @@ const TEMPLATES = {
   same: () => "Both flights end in the same way.",
   part: ({ step, acts, ends }) =>
     `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k]) : "")).join(", while ")}.`,
-  first: ({ step }) => `They first act differently at step ${step + 1}, but come near each other again.`,
+  first: ({ step, until }) =>
+    `They first act differently at step ${step + 1}, but ${until ? `stay near each other until step ${until + 1}` : "come near each other again"}.`,
   spends({ who, spent, other, others, stretches, hovers, turns }) {
     const does = [hovers && "hovering", turns && "flying to and fro"].filter((each) => each).join(" or ");
     const where = does && `, ${does} in steps ${listed(stretches.map(([first, last]) => `${first + 1}–${last + 1}`))}`;
@@ -121,7 +122,7 @@ const TEMPLATES = {
   absent: ({ absent }) => `${upper(listed(absent))} ${absent.length > 1 ? "were" : "was"} not trained for this city, and cannot fly here.`,
   outside: () => "This mission starts outside the landing zone; random missions start in it.",
   sealed: ({ cells, where: [row, col] }) =>
-    `No way leads from the landing zone to ${cells === 1 ? "a cell" : `${cells} cells`} of this city${cells === 1 ? "," : ", such as"} row ${row}, column ${col}.`,
+    `No way leads from the landing zone to ${cells === 1 ? "" : `${cells} cells of this city, such as `}row ${row}, column ${col}.`,
   unreachable: ({ device }) => `No way leads to device ${device}: it can only be heard from afar.`,
   unheard: ({ device }) => `Device ${device} is sealed in: it cannot be seen from any cell that the UAV can reach.`,
   late: ({ time, home }) =>
