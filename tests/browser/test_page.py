@@ -466,6 +466,7 @@ def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):
     expect(page.locator(".layer path")).not_to_have_count(0)
     page.get_by_label("centred").check()
     page.keyboard.press("End")
+    expect(page.locator(".map svg")).to_have_attribute("viewBox", re.compile(" 31 31$"))
     box = list(map(float, page.locator(".map svg").get_attribute("viewBox").split()))
     col, row = map(
         float, re.findall(r"-?[\d.]+", page.locator(".map .uav").get_attribute("transform"))
