@@ -414,6 +414,13 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
     expect(page.locator(".map .shadow.live")).to_have_attribute("d", re.compile("M3.5 2.5"))
     page.mouse.click(*place(page, row, col))
     expect(page.locator(".refusal")).to_contain_text("Not painted: device 0 is there.")
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.locator(".map g[data-device='-1']").focus()
+    for _ in range(2):
+        page.keyboard.press("ArrowDown")
+        page.wait_for_timeout(200)
+    expect(page.locator(".warning")).to_contain_text("outside the landing zone")
+    assert visible(page, ".warning")  # though the palette is long
 
 
 def test_a_real_place_is_chosen_and_flown_by_its_table(page):
