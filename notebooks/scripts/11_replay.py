@@ -80,7 +80,7 @@ for variant, size in SIZES.items():
 # ## 11.2 How old are the drawn steps?
 #
 # A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the
-# oldest. The recipe has 16 UAVs, which fly their missions side by side. Whenever all 16 have made a step, one update draws 64 steps from
+# oldest. The recipe has 16 UAVs, which fly their missions side by side. Whenever all 16 have taken a step, one update draws 64 steps from
 # the memory, so a step is drawn $64/16 = 4$ times on average before it is forgotten. That holds for a memory of any size, because a larger
 # one keeps a step longer but draws it less often.
 #

@@ -426,7 +426,7 @@ checks.double_target(target)
 # $\exp(88)$. Use `torch.exp`, and try to do without `torch.softmax` and its relatives: they already
 # contain the trick that this exercise asks you to find.
 #
-# A reminder: `x.amax(dim=1)` is the largest number of each row of `x`. For `x` = `[[1., 5.], [3.,
+# A reminder: `x.amax(dim=1)` gives the largest number in each row of `x`. For `x` = `[[1., 5.], [3.,
 # 2.]]` it is `[5., 3.]`, of shape `(2,)`. With `keepdim=True` the dimension stays, with length 1:
 # `x.amax(dim=1, keepdim=True)` is `[[5.], [3.]]`, a column of shape `(2, 1)`, so in a sum or a
 # quotient with `x` each row is combined with its own number. `x.sum` takes the same arguments.
