@@ -72,7 +72,7 @@ for name, recipe in centring(LITE).items():
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good
 # part of the time, but on the right, by *collected and landed*, they do better. They collect more,
-# but until about 250,000 steps they also crash more often, and each crash costs 150 units. Always
+# but up to about 350,000 steps they also crash more often, and each crash costs 150 units. Always
 # say which measure you mean.
 #
 # Exploring hides part of what an agent can do. Here are the validations of the same six runs, in

@@ -2,7 +2,7 @@
 # # 9 · The finale
 #
 # A rule of a few lines has been ahead of our agent since notebook 0. And when notebook 8 moved the
-# landing zones, the agent was lost, because it knew many places by heart. **Can an agent beat the
+# landing zones, the agent was lost, because it knew some places by heart. **Can an agent beat the
 # rule, and can an agent fly over a city that it has never seen?** Each point below is the mean
 # return of one pilot over the same 1000 missions. The grey line marks the rule. The labels on the
 # left name the pilots or say what they were given; sections 9.2 to 9.5 explain these labels.
@@ -200,7 +200,7 @@ for name, values in ladder.items():
 # %% [markdown]
 # The agent that was given all four gifts is **ahead of the rule**, and the interval of its lead
 # does not contain 0. (This agent comes from a single training run.) It is called `manhattan` in the
-# library and *imitation agent* in the README; its teacher is the genie. Three gifts are enough to
+# library and *imitation agent* in the README; its teacher is the genie with a narrower search. Three gifts are enough to
 # get ahead: on [the ladder](../docs/results/ladder.md), over 3000 missions, an agent without the
 # last gift leads by 1.1 units of return, and agents with all four by 1.4. Here `manhattan` flies
 # beside greedy and the DDQN agent, all three with the failsafe, over the devices of 0.3 and with 40
@@ -242,8 +242,8 @@ play(world, {name: mission.fly(world, find_policy(name, world)).trajectory(0) fo
 #
 # The agent of notebook 8 had learned some places by heart. What if an agent learns in *thousands*
 # of cities, with one of them drawn for each mission? The agent `any_city` learned in 3000 cities,
-# with the four gifts. It hardly knows these cities by heart: its return is 2.1 units above greedy's
-# there, and 2.0 in new cities. Type a city, and let the agent fly over it. `L` is a landing zone,
+# with the four gifts. It hardly knows these cities by heart: its return is about 2 units above
+# greedy's there as in new cities. Type a city, and let the agent fly over it. `L` is a landing zone,
 # `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16 × 16 cells will do:
 
 # %%
@@ -292,17 +292,17 @@ for name, each in flown.items():
 # ### Why learn at all?
 #
 # Over our city, learning has gained us little. Greedy does not search, decides at once and flies
-# over any city, and the agent that learned from reward alone is a little behind greedy. The agent
-# with four gifts earns 1.4 units more than greedy. But the genie, its teacher, is further ahead,
-# and over our city it is quick. Whoever knows the channel and has a genie should let the genie fly.
+# over any city, and the agent that learned from reward alone is a little behind greedy. Agents
+# with four gifts earn 1.4 units more than greedy. But the genie is further ahead, and over our city
+# it is quick. Whoever knows the channel and has a genie should let the genie fly.
 #
 # Learning pays where the channel, the rule or the time to search is missing. Where nobody can write
-# down the channel, no genie can plan and nothing can be told, but reward still teaches, in millions
-# of steps with many crashes, or in a simulator that was fitted to measurements (notebook 14). Where
+# down the channel, no genie can plan and no expected data be told, but reward still teaches, in
+# millions of steps, or in a simulator that was fitted to measurements (notebook 14). Where
 # nobody knows a good rule, an agent may find its own. Where a search takes too long, as it may over
 # `metropolis`, an agent pays for it beforehand, in training and **for all missions**, and then
 # decides at once. Over our city nothing is missing, which makes it a good place to study the
-# method: the right answer is known, so an agent's knowledge can be checked.
+# method: the genie's flights show how much can be reached.
 #
 # ## 9.8 Your turn
 #
@@ -328,7 +328,7 @@ for name, each in flown.items():
 # - A rule that always holds need not be learned; what can be computed can be told to the agent; a
 #   planner can be copied; reward teaches the rest.
 # - With all four gifts, an agent beats the rule in its own city. With reward alone, an agent comes
-#   close to the rule over Manhattan and is a little ahead of it over the open field.
+#   close to the rule over Manhattan, and over the open field its return is a little higher.
 # - An agent that learned in thousands of cities can fly over one that was typed a minute ago.
 # - Say what a pilot was told before you compare pilots, and give greedy's result beside every
 #   number.
