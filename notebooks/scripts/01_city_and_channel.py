@@ -122,8 +122,8 @@ figure
 # The distance $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground is
 # $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device, $d$ is 10 m. Why
 # not fly higher? At a height of 100 m, every $d$ is 100 m or more. Directly above the device, this
-# height would cost another 22.7 dB. It would also make all distances similar, so there would be
-# little reason to fly anywhere. (In reality the UAV would see over the roofs, but our model ignores
+# height would cost another 22.7 dB. It would also make distances less different, so there would be
+# less reason to fly anywhere. (In reality the UAV would see over the roofs, but our model ignores
 # that.)
 #
 # ## 1.3 The link budget

@@ -78,7 +78,7 @@ for name, value in vars(state).items():
 # A step has two parts. The first is luck: the fading of notebook 1 is drawn at random. The second
 # is a *pure function*, that is, a function without luck or memory. State, action and fading go in,
 # and the next state and the outcome of the step come out. Fading does not change where the UAV
-# goes, so luck decides only how much data comes in.
+# goes, so luck decides only who sends, and how much.
 
 # %%
 import numpy as np
@@ -179,8 +179,8 @@ for action in (NORTH, NORTH):
 # so its episodes would rarely last long enough for much data to come in.
 #
 # The controller is a part of the UAV, not of the training. The trained agent still needs the
-# controller, because the agent makes a few wrong moves in every hundred missions, one in ten of
-# these moves into a wall.
+# controller, because the agent makes a few wrong moves in every hundred missions, some of them
+# into a wall.
 #
 # One could also remove the forbidden actions from the agent's choices, which is called **masking**.
 # Then the agent would not have to learn where the walls are. The paper lets the agent try such
