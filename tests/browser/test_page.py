@@ -389,7 +389,8 @@ def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
     choose(page, "run-1", "1")
 
 
-def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
+def paint_a_wall(page):
+    """In an empty city, with one stroke."""
     choose(page, "city", "empty 8 × 8")
     open_tool(page, "Paint")
     page.get_by_role("button", name="tall building").click()
@@ -397,9 +398,17 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
     page.mouse.down()
     page.mouse.move(*place(page, 4, 6), steps=9)
     page.mouse.up()
+
+
+def expect_the_wall(page):
     expect(page.locator(".map .kind-B").first).to_have_attribute(
         "d", re.compile("M2.5 3.5.*M5.5 3.5")
     )
+
+
+def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
+    paint_a_wall(page)
+    expect_the_wall(page)
     row, col = map(
         int,
         re.findall(r"\d+", page.locator(".map g[data-device='0']").get_attribute("aria-label"))[
@@ -518,18 +527,10 @@ def test_a_reload_loses_nothing_that_was_done_shortly_before(browser, address):
         for _ in range(3):
             page.keyboard.press("ArrowDown")
         reloaded(3)
-        choose(page, "city", "empty 8 × 8")
-        open_tool(page, "Paint")
-        page.get_by_role("button", name="tall building").click()
-        page.mouse.move(*place(page, 4, 3))
-        page.mouse.down()
-        page.mouse.move(*place(page, 4, 6), steps=9)
-        page.mouse.up()
+        paint_a_wall(page)
         page.reload()
         expect(page.locator("[data-set='city']")).to_have_value("my_city")
-        expect(page.locator(".map .kind-B").first).to_have_attribute(
-            "d", re.compile("M2.5 3.5.*M5.5 3.5")
-        )
+        expect_the_wall(page)
 
 
 def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, address, tmp_path):

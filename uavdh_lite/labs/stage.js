@@ -301,7 +301,7 @@ export function draw(el, model) {
     entry = { text, place, since: moved ? now : (entry.since ?? -BURST) };
   }
 
-  /** When the page is left, there is no time for the address, and a reload takes nothing from its history. */
+  /** When the page is left, there is no time for the address, and a reload ignores what its history is told then. */
   function keepNow() {
     if (opens()) return;
     const state = stateNow();

@@ -129,12 +129,14 @@ const TEMPLATES = {
     home > 9999 ? "No way leads from the start to a landing zone." : `A flying time of ${time} is too short: the way home alone takes ${home}.`,
 };
 
+const nothingLeft = (since) => (since ? `nothing has been left to collect since step ${since}` : "all data is collected");
+
 const REASONS = {
   refused: () => ", which is refused: it stays where it is",
-  idle: ({ since }) => (since ? `, though nothing has been left to collect since step ${since}` : ", though all data is collected"),
+  idle: ({ since }) => `, though ${nothingLeft(since)}`,
   stays: ({ until, amount, rest }) =>
     `, which ${until ? `up to step ${until} ` : ""}brings ${amount < 0.05 ? "hardly any" : amount.toFixed(1)} of the ${rest.toFixed(1)} units that are left`,
-  done: ({ since }) => (since ? `, because nothing has been left to collect since step ${since}` : ", because all data is collected"),
+  done: ({ since }) => `, because ${nothingLeft(since)}`,
   home: ({ home, left, now }) =>
     now
       ? `, because home is ${timeUnits(home)} away and ${left} ${left === 1 ? "is" : "are"} left`
