@@ -213,7 +213,7 @@ function aboutCell({ city, devices }, [row, col], { amounts }) {
     if (y === row && x === col) texts.push(`device ${number}, ${amounts[k].toFixed(1)} units left`);
   });
   const seen = devices.filter(({ hidden }) => hidden[row][col] === ".").map(({ number }) => number);
-  texts.push(seen.length ? `in sight of device ${seen.join(", ")}` : "no device in sight");
+  texts.push(seen.length ? `in sight of device${seen.length > 1 ? "s" : ""} ${seen.join(", ")}` : "no device in sight");
   return `${texts.join("; ")}.`;
 }
 

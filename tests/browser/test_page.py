@@ -351,6 +351,14 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
     page.locator(".ledger .term").first.focus()
     expect(page.locator(".sentence")).to_contain_text("Row 5, column 6")  # the last one stays
     expect(page.locator(".ledger .term:focus")).to_have_count(1)
+    page.locator(".map svg").focus()
+    for key, held, there in (("Enter", 1, 6), ("ArrowLeft", 1, 6), ("Escape", 0, 5)):
+        page.keyboard.press(key)
+        expect(page.locator(".map .held")).to_have_count(held)
+        expect(page.locator(".sentence")).to_contain_text(f"Row 5, column {there}")
+    page.locator(".map g[data-device='1']").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator(".sentence")).to_contain_text("device 1")
     open_tool(page, "Watch")
     assert (
         page.locator(".tool").evaluate("each => each.querySelectorAll('.curves [tabindex]').length")
@@ -613,10 +621,16 @@ def test_an_address_opens_the_same_in_another_browser(browser, address, page):
     open_tool(page, "Channel")
     press(page, "New")
     expect(page).to_have_url(re.compile("#stage="))
+    for count in (1, 0, 1):  # a press holds the cell, another lets it go
+        page.mouse.click(*place(page, 15, 15))
+        expect(page.locator(".map .held")).to_have_count(count)
+    page.mouse.move(*place(page, 3, 3))
+    expect(page.locator(".sentence")).to_contain_text("Row 15, column 15")
     page.wait_for_timeout(600)
     label = page.locator(".map g[data-device='0']").get_attribute("aria-label")
     with visiting(browser, page.url) as other:
         other.locator(".main[data-shows='channel']").wait_for()
+        expect(other.locator(".sentence")).to_contain_text("Row 15, column 15")
         expect(other.locator(".map g[data-device='0']")).to_have_attribute("aria-label", label)
         press(other, "More")
         other.locator("[data-set='link']").fill("nothing")

@@ -54,8 +54,8 @@ RANDOM = """async ([seed, count]) => {
     const odd = [undefined, null, NaN, -1, 1.5, Infinity, "", "x", "7", "__proto__", "constructor",
         true, [], [[]], [0], [1.5, 2], [99, 99], ["0", "1"], [null, null], {}];
     const looks = { layer: "value", centred: true, runs: [whole(0, 4), whole(0, 4)] };
-    const kinds = ["add", "again", "cancel", "city", "data", "fly", "look", "many", "move", "new",
-        "open", "paint", "policy", "race", "remove", "save", "see", "shadow", "show", "time",
+    const kinds = ["add", "again", "cancel", "city", "data", "fly", "hold", "look", "many", "move",
+        "new", "open", "paint", "policy", "race", "remove", "save", "see", "shadow", "show", "time",
         "tool", "undo", "values", "duel", "toString", "constructor", undefined, ""];
     const answers = { works: 0, refused: [], changed: [] };
     for (let k = 0; k < count; k += 1) {
@@ -321,16 +321,18 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
     tell("policy", which=0, name="random")
     tell("policy", which=1, name="you")
     tell("tool", tool="channel")
+    tell("hold", cell=[2, 7])
     looks = {"layer": "value", "centred": True, "metric": "collected_and_landed", "runs": [3, 1]}
     for name, value in looks.items():
         tell("see", name=name, value=value)
     kept = tell("show", step=1)["state"]
-    assert kept["looks"] == looks
+    assert kept["looks"] == looks and kept["held"] == [2, 7]
     stage, mission = json.loads(saved("stage")), json.loads(saved("mission"))
     assert as_json(mission_from_json(mission)) == mission == stage["mission"]
     drawn = Mission.draw(find_scenario("village"), load_city("village"), 1)
     assert as_json(drawn) == mission
-    tell("city", name="manhattan")
+    tell("hold", cell=[2, 8], refused="hold: cell [2,8] does not fit here")
+    assert tell("city", name="manhattan")["state"]["held"] is None  # its cells are others
     assert opened("a.json", stage)["state"] == kept | {"undo": True, "redo": False}
     tell("tool", tool="watch")
     flies = tell("race", point=[0, 2])
@@ -339,7 +341,7 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
     back = opened("a.json", with_point)
     assert back["state"]["point"] == [0, 2] and back["film"] == flies["film"]
     assert opened("a.json", stage)["state"]["point"] is None
-    older = {name: stage[name] for name in stage if name not in ("looks", "point")}
+    older = {name: stage[name] for name in stage if name not in ("looks", "point", "held")}
     assert opened("a.json", older)["state"]["looks"]["runs"] == [0, 1]
     fresh = opened("mission.json", mission)["state"]
     assert fresh["policies"] == ["random", "greedy"] and fresh["flown"] == ""
@@ -388,6 +390,7 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
         ("flown", 5, "other letters"),
         ("step", 1.5, "must be a whole number"),
         ("step", -2, "must be a whole number from -1"),
+        ("held", [0, 8], "held [0,8]: no cell of this city"),
         ("device", 5, "must be a whole number from 0"),
         ("device", True, "must be a whole number"),
         ("mission", None, "the file"),

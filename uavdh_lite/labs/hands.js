@@ -30,6 +30,12 @@ export function attend(stage) {
     stage.hovered = cell;
     stage.point();
   };
+  /** In Channel a press chooses a device; elsewhere it holds the cell, or lets it go. */
+  const link = (cell) => {
+    const [thing, { held }] = [thingAt(cell), stage.scene.state];
+    const device = thing !== null && thing >= 0;
+    ask(device ? { kind: "look", device: thing } : { kind: "hold", cell: String(cell) === String(held) ? null : cell });
+  };
 
   main.addEventListener("pointerdown", (event) => {
     const cell = event.target.closest(".map") && cellAt(event);
@@ -37,11 +43,13 @@ export function attend(stage) {
     const thing = thingAt(cell);
     const { tool: name } = stage.scene.state;
     hover(cell); // a finger does not hover
-    if (name === "channel") find("#panel").scrollTop = 0; // to the sentence about the cell
     if (el.classList.contains("adding")) return add(cell);
+    if (name === "channel") {
+      find("#panel").scrollTop = 0; // to the sentence about the cell
+      link(cell);
+    }
     const painting = name === "paint" && thing === null;
     if (!painting && (thing === null || name === "watch")) return;
-    if (name === "channel" && thing >= 0) ask({ kind: "look", device: thing });
     event.preventDefault();
     main.setPointerCapture(event.pointerId);
     drag = { thing, at: cell, map: maps().indexOf(event.target.closest(".map").querySelector("svg")) };
@@ -207,6 +215,7 @@ export function attend(stage) {
       return () => ask({ kind: "move", device: Number(device), cell: [row + down, col + right] });
     }
     if (device >= 0 && ["Delete", "Backspace"].includes(key)) return () => ask({ kind: "remove", device: Number(device) });
+    if (device && key === "Enter" && state.tool === "channel") return () => link(device < 0 ? state.start : state.devices[device].cell);
     if (target.matches(".map svg")) return overMap(key, down, right);
     if (target.matches(".curves")) return tool().keyed(stage, key, down, right);
     const presses = key === " " && target.matches("button:not([role=tab])");
@@ -249,7 +258,7 @@ export function attend(stage) {
     if (el.classList.contains("adding")) return () => add([row, col]);
     const thing = thingAt([row, col]);
     const { tool: name } = stage.scene.state;
-    if (name === "channel" && thing >= 0 && thing !== null) return () => ask({ kind: "look", device: thing });
+    if (name === "channel") return () => link([row, col]);
     if (name !== "paint") return null;
     return () => (thing === null ? ask({ kind: "paint", cells: [[row, col]], sign: brush.sign }) : stands(thing));
   }
@@ -261,6 +270,7 @@ export function attend(stage) {
     if (event.key === "Escape") {
       el.classList.remove("adding");
       find(".drawer").close();
+      if (tool() === TOOLS.channel && stage.scene.state.held) ask({ kind: "hold", cell: null });
       stage.paint();
       return stage.endStory();
     }

@@ -6,7 +6,7 @@ import { isDuel, parting, reasons, verdict } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, readAgent, valueMap } from "./pilots.js";
 import { kinkOf, pointFact, raceFacts } from "./race.js";
-import { CHANGES, LOOKS, TOOLS, YOU, cityOfPicture, newStage, overCity, pictureOf, pointOf, randomMission, readFile, stageAsJson,
+import { CHANGES, LOOKS, TOOLS, YOU, cityOfPicture, isInside, newStage, overCity, pictureOf, pointOf, randomMission, readFile, stageAsJson,
   textOfLink, withMission } from "./state.js";
 import { choices, closestCall } from "./think.js";
 import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, require, wilsonInterval } from "./world.js";
@@ -22,11 +22,11 @@ const STORY = 358; // the mission that the page begins with, chosen because it s
 const RACED = 13; // the mission of Watch, chosen because there each agent brings about what it brings on average
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
-const BESIDE = ["show", "values", "shadow", "look", "see"]; // what does not end what takes long
+const BESIDE = ["show", "values", "shadow", "look", "hold", "see"]; // what does not end what takes long
 const STOPPED = new InputError("stopped");
 
 const isCell = (value) => Array.isArray(value) && value.length === 2 && value.every(Number.isInteger);
-const isInside = (value, { stage }) => isCell(value) && value.every((at) => at >= 0 && at < stage.mission.city.size);
+const isHere = (value, { stage }) => isInside(value, stage.mission.city.size);
 const isDevice = (value, { stage }) => Number.isInteger(value) && value >= 0 && value < stage.mission.devices.length;
 const isOf = (...values) => (value) => values.includes(value);
 
@@ -41,16 +41,17 @@ const MESSAGES = {
   data: { device: isDevice, value: Number.isFinite },
   duel: { wanted: isOf(-1, 0, 1) },
   fly: { action: isOf(...ACTIONS) },
+  hold: { cell: (cell, session) => cell === null || isHere(cell, session) },
   look: { device: isDevice },
   move: { device: (device, session) => device === -1 || isDevice(device, session), cell: isCell },
   open: { file: (file, session, { link }) => file instanceof File || (typeof link === "string" && link !== "") },
-  paint: { cells: (cells, session) => Array.isArray(cells) && cells.every((cell) => isInside(cell, session)), sign: isOf(...SIGNS) },
+  paint: { cells: (cells, session) => Array.isArray(cells) && cells.every((cell) => isHere(cell, session)), sign: isOf(...SIGNS) },
   policy: { which: isOf(0, 1), name: (name, { stage, known }) => [...known(stage.mission.city), YOU].includes(name) },
   race: { point: (point, { stage, shelf }) => pointOf(stage.looks, point, shelf) },
   remove: { device: isDevice },
   save: { what: isOf("stage", "mission", "png") },
   see: { name: (name) => Object.hasOwn(LOOKS, name), value: (value, { shelf }, { name }) => LOOKS[name](value, shelf) },
-  shadow: { cell: isInside },
+  shadow: { cell: isHere },
   show: { step: (step) => Number.isInteger(step) && step >= -1 },
   time: { value: Number.isFinite },
   tool: { tool: (tool, { tools }) => tools.includes(tool) },

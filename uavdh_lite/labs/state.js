@@ -33,6 +33,7 @@ const usualLooks = ({ races }) => ({ layer: "none", centred: false, metric: "lan
  * @property {string} flown the actions that were flown by hand, in `LETTERS`
  * @property {number} step the step that is shown; −1 for the last
  * @property {number} device the device whose radio link is shown
+ * @property {[number, number] | null} held the cell to which it is shown, whatever the pointer does
  * @property {object} looks one value for each of `LOOKS`
  * @property {[number, number] | null} point of the race whose agent flies: which of the runs, and which of its points
  *
@@ -47,7 +48,10 @@ const usualLooks = ({ races }) => ({ layer: "none", centred: false, metric: "lan
 
 /** The stage of a mission, with the agent and greedy. */
 export const newStage = (mission, shelf) =>
-  ({ mission, policies: usualPolicies(mission.city, shelf), tool: "compare", flown: "", step: -1, device: 0, looks: usualLooks(shelf), point: null });
+  ({ mission, policies: usualPolicies(mission.city, shelf), tool: "compare", flown: "", step: -1, device: 0, held: null, looks: usualLooks(shelf), point: null });
+
+export const isInside = (cell, size) =>
+  Array.isArray(cell) && cell.length === 2 && cell.every((at) => Number.isInteger(at) && at >= 0 && at < size);
 
 /** The point of a race that is told, or nothing. */
 export const pointOf = ({ runs }, point, { races }) =>
@@ -70,7 +74,8 @@ export function withMission(stage, mission, shelf) {
     if (policies[0] === policies[1]) policies = usual;
   }
   const device = Math.min(stage.device, mission.devices.length - 1);
-  return { ...stage, mission, policies, flown: "", step: -1, device, point: null };
+  const held = mission.city.size === stage.mission.city.size ? stage.held : null;
+  return { ...stage, mission, policies, flown: "", step: -1, device, held, point: null };
 }
 
 /** What missions over a city are drawn from; over a painted one, time to cross it twice. */
@@ -105,7 +110,7 @@ export function readFile(text, shelf, strangers = []) {
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
   require(values?.format === FORMAT && values.version === 1, "this file holds neither a saved page nor a mission");
-  const { policies, tool, flown, step, device, looks: told = {}, point = null } = values;
+  const { policies, tool, flown, step, device, held = null, looks: told = {}, point = null } = values;
   const mission = missionFromJson(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
   const index = (value, name, least, most) => require(Number.isInteger(value) && value >= least && value <= most,
@@ -115,6 +120,7 @@ export function readFile(text, shelf, strangers = []) {
   require(/^[neswhl]*$/.test(flown), `flown ${JSON.stringify(flown)}: has other letters than ${LETTERS}`);
   index(step, "step", -1, mission.flyingTime);
   index(device, "device", 0, mission.devices.length - 1);
+  require(held === null || isInside(held, mission.city.size), `held ${JSON.stringify(held)}: no cell of this city`);
   strangers.push(...policies.filter((name) => !names.includes(name)));
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
   require(Object(told) === told, "looks: must be an object");
@@ -126,7 +132,7 @@ export function readFile(text, shelf, strangers = []) {
   }
   const flies = !races || point === null || (pointOf(looks, point, shelf) && mission.city.sameAs(shelf.village));
   require(flies, `point ${JSON.stringify(point)}: no such agent flies here`);
-  return { mission, policies: there[0] === there[1] ? usual : there, tool, flown, step, device, looks, point: races ? point : null };
+  return { mission, policies: there[0] === there[1] ? usual : there, tool, flown, step, device, held, looks, point: races ? point : null };
 }
 
 const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
@@ -230,6 +236,7 @@ export const CHANGES = {
   tool: (stage, { tool }) => ({ ...stage, tool }),
   show: (stage, { step }) => ({ ...stage, step }),
   look: (stage, { device }) => ({ ...stage, device }),
+  hold: (stage, { cell }) => ({ ...stage, held: cell }),
   /** Chooses a way to look; other runs have other points. */
   see: (stage, { name, value }) =>
     ({ ...stage, looks: { ...stage.looks, [name]: value }, point: name === "runs" ? null : stage.point }),

@@ -13,10 +13,11 @@ const WORDS = {
   "data units": "what the devices have for the UAV to collect",
   return: "the sum of rewards: each unit of data counts 1, each step −0.2 (a landing nothing), a refused action −1, a crash −150; data counts even if a crash loses it",
   landed: "the share of missions that ended with a landing in time",
-  fading: "random changes of the radio link, by their standard deviation; the draws are the same for all who fly a mission",
+  fading: "shadow fading: random changes of the radio link, normal in dB, by their standard deviation; the draws are the same for all who fly a mission",
   "Q-value": "the return that the agent expects from here on if it takes this action now; later rewards count less, so it is usually below their plain sum",
   score: "how surely the planner that the agent copied would take this action",
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
+  "SNR at 1 m": "the SNR at 1 m from the device; it is set by the city's size, so that at ground level −15 dB are left from the centre to a corner in sight",
   dB: "decibels, a logarithmic scale: 10 dB are a factor of ten, 20 dB a factor of a hundred",
   slot: "a quarter of a step; each goes to the device that is heard best among those with data left, and brings log2(1 + SNR) units, where −20 dB are an SNR of 0.01, and 10 dB one of 10",
   value: "the Q-value or score of the best action if the UAV were over that cell now",
@@ -262,20 +263,23 @@ export const TOOLS = {
   channel: {
     title: "Channel",
     still: () => true,
-    cursor: "arrow keys move the cell that the UAV is over; Enter on a device chooses it",
+    cursor: "arrow keys move the cell that the UAV is over; Enter on a device chooses it, elsewhere it holds the cell",
     html({ panel, state }) {
       const [low, high] = panel.range;
       const device = (_, k) => button(`device ${k}`, { kind: "look", device: k }, `aria-pressed="${k === panel.device}"`);
       return `<div role="status"><h2 class="sentence"></h2></div><table class="ledger"></table>
         <div class="row">${state.devices.map(device).join("")}</div>
         ${ramp(`${low} dB`.replace("-", "−"), `${high} dB`, `${upper(term("SNR"))} from device ${panel.device} over each cell, without
-          ${term("fading")}. Point at a cell or touch it to see its link, or move there with Tab and the arrow keys. White line: the edge of the
+          ${term("fading")}. Point at a cell to see its link, or move there with Tab and the arrow keys; press the cell, or Enter, to hold it, and
+          again, or Escape, to let it go. White line: the edge of the
           ${term("shadow", "shadows")}, which are on its darker side.`)}`;
     },
     under: ({ film, panel: { snr, range: [low, high] } }) =>
       heat(snr, film.city.length, (value) => colourOf((value - low) / (high - low)), 0.9),
-    over: ({ film, panel }) => `${outline(panel.building, film.city.length, (each) => each > 1e-6)}<path class="ray"/>`,
-    point(stage, { panel, state, film }, cell) {
+    over: ({ film, panel, state: { held } }) => `${outline(panel.building, film.city.length, (each) => each > 1e-6)}<path class="ray"/>
+      ${held ? `<path class="held" d="M${held[1] - 0.5} ${held[0] - 0.5}${SQUARE}"/>` : ""}`,
+    point(stage, { panel, state, film }, pointed) {
+      const cell = state.held ?? pointed;
       if (cell || this.city !== String(film.city)) [this.cell, this.city] = [cell, String(film.city)]; // the last one stays
       const [row, col] = this.cell ?? panel.dearest;
       const number = row * film.city.length + col;
@@ -285,14 +289,14 @@ export const TOOLS = {
       stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
       stage.find(".ray")?.classList.toggle("blocked", hidden);
       const sign = film.city[row][col];
-      const there = `${KINDS[sign]?.name ?? "open ground"}${"BN".includes(sign) ? ", where no UAV may fly" : ""}`;
+      const there = `${(KINDS[sign]?.name ?? "open ground").replace(":", ", which")}${"BN".includes(sign) ? ", where no UAV may fly" : ""}`;
       const head = hidden ? `Hidden from device ${panel.device} by buildings: they cost ${cost.toFixed(1)} ${term("dB")}.` : `In sight of device ${panel.device}.`;
       const instead = hidden ? ` instead of ${units(panel.free[number])}` : "";
       const traced = panel.traced ? ` in the model; ${units(panel.traced.rate[number])} in flights` : "";
       stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${units(panel.rate[number])} units a ${term("slot")}${instead}${traced}.`);
       const entry = (name, value) => `<tr><th scope="row">${name}</th><td>${value} dB</td></tr>`;
       const lines = [
-        ["signal at 1 m", signed(panel.transmit)],
+        [term("SNR at 1 m"), signed(panel.transmit)],
         [`${term("path loss")} over ${panel.distance[number].toFixed(0)} m`, `−${signed(panel.pathLoss[number])}`],
         [term("hidden by buildings"), hidden ? `−${signed(cost)}` : "0.0"],
         [term("SNR"), signed(panel.snr[number])],
