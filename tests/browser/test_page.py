@@ -537,8 +537,20 @@ def test_a_reload_loses_nothing_that_was_done_shortly_before(browser, address):
         reloaded(3)
         paint_a_wall(page)
         page.reload()
-        expect(page.locator("[data-set='city']")).to_have_value("my_city")
+        city, undo = page.locator("[data-set='city']"), page.locator(".undo")
+        expect(city).to_have_value("my_city")
         expect_the_wall(page)
+        undo.click()
+        expect(city).to_have_value("empty 8 × 8")
+        page.locator(".redo").click()
+        choose(page, "city", "village")
+        expect(city).to_have_value("village")
+        page.reload()
+        choose(page, "city", "my_city")  # is still in the list
+        expect_the_wall(page)
+        for there in ("village", "my_city", "empty 8 × 8"):
+            undo.click()
+            expect(city).to_have_value(there)
 
 
 def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, address, tmp_path):

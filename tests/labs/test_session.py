@@ -124,7 +124,9 @@ def test_undo_brings_a_mission_back_and_redo_takes_it_again(tell):
     tell("undo", by=1, refused="nothing more to redo")
 
 
-def test_undo_takes_back_moves_of_the_flight_in_fly_and_elsewhere_the_mission(tell, opened, saved):
+def test_undo_takes_back_moves_of_the_flight_in_fly_and_elsewhere_the_mission(
+    modules, tell, opened, saved
+):
     def flown(scene):
         return scene["state"]["city"], scene["state"]["flown"]
 
@@ -149,8 +151,13 @@ def test_undo_takes_back_moves_of_the_flight_in_fly_and_elsewhere_the_mission(te
     assert flown(tell("undo", by=-1)) == ("village", "hsh")
     assert tell("undo", by=1)["state"]["redo"] is False
     tell("tool", tool="fly")
+    past = tell("show", step=-1)["past"]
     opened("a.json", json.loads(saved("stage")))
     assert flown(tell("undo", by=-1)) == ("manhattan", "h")  # of a flight that was opened, too
+    modules("(past) => lab.recall(past)", past)  # as after a reload
+    assert flown(tell("undo", by=-1)) == ("manhattan", "h")
+    tell("tool", tool="compare")
+    assert flown(tell("undo", by=-1)) == ("village", "hsh")  # past all moves of the same mission
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ import { kinkOf, pointFact, raceFacts } from "./race.js";
 import { CHANGES, LOOKS, TOOLS, YOU, cityOfPicture, isInside, newStage, overCity, pictureOf, pointOf, randomMission, readFile, stageAsJson,
   textOfLink, withMission } from "./state.js";
 import { choices, closestCall } from "./think.js";
-import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, require, wilsonInterval } from "./world.js";
+import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, kept, require, wilsonInterval } from "./world.js";
 import { LONGEST, RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
-const KEPT = 200; // changes and moves that can be undone
+const KEPT = 100; // changes and moves that can be undone
 const RANKED = 6; // flights of the ranking
 const MISSIONS = 100;
 const TRIES = 200; // missions that are looked at for a duel
@@ -37,7 +37,7 @@ const MESSAGES = {
   many: {},
   new: {},
   add: { cell: isCell },
-  city: { name: (name, { shelf }) => Object.hasOwn(shelf.cities, name) },
+  city: { name: (name, { shelf, own }) => Object.hasOwn({ ...own, ...shelf.cities }, name) },
   data: { device: isDevice, value: Number.isFinite },
   duel: { wanted: isOf(-1, 0, 1) },
   fly: { action: isOf(...ACTIONS) },
@@ -121,6 +121,12 @@ export class Session {
     return [...knowing.map(([name]) => name), "greedy", "random"];
   };
 
+  /** The last missions over cities that are not on the shelf, such as a painted one, by the city's name. */
+  get own() {
+    const all = this.history.map(({ mission }) => [mission.city.name, mission]);
+    return Object.fromEntries(all.filter(([name]) => !Object.hasOwn(this.shelf.cities, name)));
+  }
+
   /** Does what the page tells, or says why it was not done. */
   async hear(told) {
     if (!BESIDE.includes(told.kind)) this.work = null;
@@ -158,6 +164,7 @@ export class Session {
       tools: this.tools,
       state: this.summary(),
       stage: stageAsJson(stage),
+      past: { at, stages: history.map(stageAsJson), ranking: this.ranking },
       film,
       version: this.version,
       panel: { ...this.panel(flights), ...this.extra },
@@ -176,7 +183,6 @@ export class Session {
 
   summary() {
     const { mission, ...look } = this.stage;
-    const cities = Object.keys(this.shelf.cities);
     const names = [...this.known(mission.city), ...(look.flown ? [YOU] : [])];
     const known = names.map((name) => whoIs(name, this.agents));
     const agents = Object.values(this.agents).filter(({ title }) => title && known.every((each) => each.title !== title));
@@ -184,7 +190,7 @@ export class Session {
     return {
       ...look,
       city: mission.city.name,
-      cities: cities.includes(mission.city.name) ? cities : [mission.city.name, ...cities],
+      cities: Object.keys({ ...this.own, ...this.shelf.cities }),
       start: mission.start,
       devices: mission.devices.map((cell, k) => ({ cell, data: mission.data[k] })),
       most: mission.maxDevices,
@@ -348,6 +354,10 @@ export class Session {
   /** What is done that is no change of the stage alone. */
   does = {
     cancel() {},
+    city({ name }) {
+      const { shelf, stage, own } = this;
+      this.take(own[name] ? withMission(stage, own[name], shelf) : overCity(stage, shelf.cities[name], shelf), "city");
+    },
     undo({ by }) {
       const at = this.next(by);
       const there = this.history[at];
@@ -438,7 +448,7 @@ export class Session {
       const moved = moves.filter(({ cell }, k) => String(cell) !== String(before[k]));
       if (moved.length) this.notes.push({ kind: "moved", moved });
     },
-    async open({ file, link, here, others }) {
+    async open({ file, link, here, past, others }) {
       const strangers = [];
       const stage = await this.long("", () => this.opened(file, link, strangers));
       const { mission } = this.stage;
@@ -446,7 +456,8 @@ export class Session {
       const begins = here && this.history.length === 1;
       this.filmed = null; // so that its step is shown, though the flights may be the same
       this.take(known ? { ...stage, mission } : stage, "open");
-      if (begins && this.at > 0) [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
+      if (begins && past) this.recall(past);
+      else if (begins && this.at > 0) [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
       const who = stage.policies.map((name) => whoIs(name, this.agents));
       if (strangers.length) this.notes.push({ kind: "strangers", strangers, who, city: mission.city.name });
       if (others) this.notes.push({ kind: "others", file: file.name });
@@ -463,6 +474,17 @@ export class Session {
       this.post({ kind: "file", name: `${mission.city.name}_${what}.json`, blob });
     },
   };
+
+  /** Takes up what could be undone when the page was left. */
+  recall({ at, stages, ranking }) {
+    const text = (mission) => JSON.stringify(mission);
+    const missions = new Map([[text(this.stage.mission.asJson()), this.stage.mission]]); // moves of a flight have the same one
+    const history = stages.map((each) => {
+      const stage = readFile(text(each), this.shelf);
+      return { ...stage, mission: kept(missions, text(each.mission), () => stage.mission) };
+    });
+    Object.assign(this, { history, at, ranking });
+  }
 
   /** The stage of a file or a link: a stage, a mission, a city's picture, or an agent. */
   async opened(file, link, strangers) {

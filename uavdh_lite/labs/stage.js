@@ -307,7 +307,7 @@ export function draw(el, model) {
     const state = stateNow();
     history.replaceState(state, "");
     try {
-      sessionStorage.setItem(LEFT, JSON.stringify(state));
+      sessionStorage.setItem(LEFT, JSON.stringify({ ...state, past: scene.past }));
     } catch {} // a frame may not have it
   }
 
@@ -324,7 +324,7 @@ export function draw(el, model) {
   function openEntry(state) {
     entry = {};
     if (!state?.stage) return stage.openLink(location.hash, true);
-    stage.ask({ kind: "open", file: new File([JSON.stringify(state.stage)], ""), here: true });
+    stage.ask({ kind: "open", file: new File([JSON.stringify(state.stage)], ""), here: true, past: state.past });
     return true;
   }
 

@@ -3,7 +3,7 @@
 // letters the page's address.
 
 import { bytesOf } from "./pilots.js";
-import { ACTIONS, City, InputError, MAX_SIZE, Mission, missionFromJson, require, sum } from "./world.js";
+import { ACTIONS, City, InputError, MAX_SIZE, Mission, kept, missionFromJson, require, sum } from "./world.js";
 
 const FORMAT = "uavdh_lite stage";
 const PAINTS = "Black is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
@@ -91,10 +91,11 @@ export const randomMission = (city, number, shelf) => Mission.draw(scenarioOf(ci
 /** The stage with a random mission over a city. */
 export const overCity = (stage, city, shelf) => withMission(stage, randomMission(city, 0, shelf), shelf);
 
+const written = new WeakMap(); // missions as JSON
+
 /** What the saved file holds. */
-export function stageAsJson({ mission, ...look }) {
-  return { format: FORMAT, version: 1, ...look, mission: mission.asJson() };
-}
+export const stageAsJson = ({ mission, ...look }) =>
+  ({ format: FORMAT, version: 1, ...look, mission: kept(written, mission, () => mission.asJson()) });
 
 /**
  * The stage of a saved file, or of a mission's file.
@@ -204,7 +205,6 @@ const change = (stage, shelf, changes) => withMission(stage, stage.mission.with(
 
 /** What each event makes of a stage: `CHANGES[kind](stage, told, shelf)`; an error says why it was not done. */
 export const CHANGES = {
-  city: (stage, { name }, shelf) => overCity(stage, shelf.cities[name], shelf),
   /** Moves a device, or with −1 the start. */
   move(stage, { device, cell }, shelf) {
     if (device < 0) return change(stage, shelf, { start: cell });
