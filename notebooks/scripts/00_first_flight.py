@@ -75,7 +75,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # trained with the method that the course teaches, the *double deep Q-network* or **DDQN**. The
 # course follows a 2020 article by Bayerlein and others, which uses this method to collect data with
 # a UAV; we call this article *the paper*. Our agent was trained with a strengthened version of the
-# paper's method, and notebook 7 says what was changed.
+# paper's method, and notebook 7 names the main changes.
 #
 # ## 0.2 Reading a flight
 #
@@ -229,17 +229,17 @@ for metric in scores["random"]:
 # %% [markdown]
 # Read the columns of this table from right to left.
 #
-# **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data.
-# A high `landed` alone does not make a good pilot, and `collected_and_landed` shows how little this
-# pilot achieves.
+# **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data,
+# as `collected_and_landed` shows.
 #
 # **Greedy** never crashes, because its rule takes it home in time, and it collects nearly
 # everything. In this city it is a strong rival.
 #
 # **The agent** comes close to greedy but does not overtake it. (In the 1000 other missions of
 # notebook 8 the agent does worse than here; that notebook says which result to trust.) Consider
-# what these two pilots were told. Both see the street map. Greedy was also given the shortest
-# routes, and a rule that a person had thought up. Nobody told the agent what the map means. Its
+# what these two pilots were told. Both see the street map, though the agent's network misses a
+# strip of it (5.5). Greedy was also given the shortest routes, and a rule that a person had thought
+# up. Nobody told the agent what the map means. Its
 # network started with random weights, and from rewards alone the agent has learned to fly to data,
 # to turn back and to land, in *this* city. How much of this is understanding, and how much is
 # merely learned by heart, is a question for notebook 8.
@@ -251,7 +251,7 @@ for metric in scores["random"]:
 # that you typed in only a minute before.
 #
 # A mean hides a lot, so look at individual flights, too. Of the agent's two thousand flights, this
-# is the one that brought home the smallest share of the data:
+# one brought home the smallest share of the data:
 
 # %%
 worst = scores["manhattan_ddqn"]["collected_and_landed"].argmin()
@@ -259,10 +259,11 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 
 # %% [markdown]
 # The agent empties the near device and goes home with nearly half of its time unused, although the
-# two devices in the east still hold nearly all of their data. Nobody can say which weights in its
-# network cause this behaviour. Even this flight ended in a landing zone, as all two thousand did,
-# although nothing forces the agent to land. (Had it crashed, the picture would show a red star, and
-# the flight would score 0, however much data it had collected.)
+# two devices in the east still hold nearly all of their data. The agent cannot see them: in every
+# step they are 14 or 15 columns east of it, in a strip of the map that its network never reads
+# (5.5). Even this flight ended in a landing zone, as all two thousand did, although nothing forces
+# it to. (A crash would be marked by a red star and would score 0, however much data had been
+# collected.)
 #
 # Does this agent always land, then? Two thousand landings in a row do not prove it. Even a pilot
 # that crashes in one mission out of a thousand would manage such a run about once in seven tries.
@@ -271,8 +272,9 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 #
 # ## 0.6 What the agent knows
 #
-# The agent sees the map of the city, its own position, the positions of the devices, how much data
-# each of them still has and has already sent, and the time left. It does not see the violet
+# The agent sees the map of the city, its own position, the positions of the devices (except those
+# too far south or east of it, see 5.5), how much data each of them still has and has already sent,
+# and the time left. It does not see the violet
 # shadows. It can have noticed them only in training, where little reward came in behind buildings.
 # Nor does it know the formulas of the radio channel. It makes no plan, either. At every step it
 # asks afresh which of the six actions looks most promising.
@@ -291,8 +293,7 @@ for action, value in zip(ACTIONS, q_values):
     print(f"{action:<6}{value:7.1f}", "  ◀ taken" if value == q_values.max() else "")
 
 # %% [markdown]
-# These six numbers are the network's whole output. How it learns to compute them is the subject
-# of notebook 6.
+# These six numbers are the network's whole output. Notebook 6 is about how it learns them.
 #
 # Here is the plan of the course. Notebooks 1 and 2 show what the radio channel does. Notebook 3
 # says what a step is and what it earns. Notebooks 4 and 5 show what the network sees and how it
@@ -301,7 +302,7 @@ for action, value in zip(ACTIONS, q_values):
 # parts of channel, environment and agent yourself.
 #
 # The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
-# In the lab *Fly* you can fly against the agent yourself, with the arrow keys.
+# In the lab *Fly* you can fly against the agent with the arrow keys.
 #
 # ## Recap
 #
@@ -310,7 +311,7 @@ for action, value in zip(ACTIONS, q_values):
 #   the radio shadow of buildings.
 # - One network flies every mission over this city, and takes a different route when time is short.
 # - `collected_and_landed` is the score: data counts only if the UAV lands.
-# - A comparison needs rivals and many missions. Greedy is a strong rival, and random is a weak one.
+# - A comparison needs rivals and many missions.
 #
 # ## Exercises
 #

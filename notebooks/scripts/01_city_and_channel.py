@@ -48,7 +48,7 @@ figure
 # ## 1.1 Three layers
 #
 # The city is a grid of 16 × 16 cells, each 10 m wide. It was redrawn from the paper's description,
-# because the original map was never published. For each cell there are three yes-or-no questions,
+# because only a picture was published. For each cell there are three yes-or-no questions,
 # and the answers to each question form one *layer* of the map:
 
 # %%

@@ -228,8 +228,8 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 # Hovering in one good place is not enough here, so the UAV has to travel. Which places should it
 # visit, and in which order? Deciding this is the agent's task.
 #
-# The library is not the only program that draws such shadows. The authors of the paper trace their
-# rays by a different method, which makes mistakes; [notebook 13](13_any_city.ipynb) compares the
+# The library is not the only program that draws such shadows. The authors' published code traces
+# its rays by a different method, which makes mistakes; [notebook 13](13_any_city.ipynb) compares the
 # two methods over many cities.
 #
 # ## Recap

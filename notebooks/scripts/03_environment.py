@@ -147,7 +147,7 @@ figure
 # Why is data paid for when it comes in, and not on landing, when the score counts it? Because a
 # reward paid on landing would come dozens of steps after the move that earned it. A reward paid at
 # once goes to the step that brought in the data. The drawback is that return and score differ, and
-# that only the penalty for a crash makes the agent bring its data home (notebook 7).
+# that it is mainly the penalty for a crash that makes the agent bring its data home (notebook 7).
 #
 # Is 0.2 a good price for a step? At a price of 0 there would be no reason to land before the last
 # moment. At 5, most flights would cost more than they brought in. At 0.2, a detour of ten steps

@@ -134,16 +134,16 @@ figure.legend(loc="outside right upper", fontsize="small");
 #
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
 # the air when the true time is up, because the clock never warns them. With 50 or 60 units most
-# UAVs stay in the air until they crash, even if nothing is left to collect. For the return, landing
-# at once would then be best, because each further step costs something. But the Q-values of such
-# states are wrong: presumably hardly any UAV in training was over its landing zone with 60 units
-# left and nothing to fetch, so the agent had little to learn them from. No stopped clock gives a
-# score (orange) near that with the true time (black).
+# UAVs stay in the air until they crash, many with nothing left to collect. Flying home at once
+# would then be best for the return, because each step costs something. But one more step
+# changes the Q-value by no more than its price, which was 0.1 in training, and such a small
+# difference is easily lost in the network's errors. No stopped clock gives a score (orange) near
+# that with the true time (black).
 #
 # Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
 # because the future would depend on something that the agent cannot see. The problem would be
 # *partially observable*, a **POMDP** (3.2). With the time it is not a POMDP, because map and time
-# together hold all of the state that matters.
+# together hold all of the state that matters (if the network reads all of it, 5.5).
 #
 # The layer "data left" is there for the same reason. Without this layer the agent would not see a
 # device until some of its data had come in, and even then it would not see how much was left, so it

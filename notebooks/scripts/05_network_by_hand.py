@@ -183,11 +183,11 @@ def train(model, x, y, updates=400):
 # - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
 #   them.
 # - `loss.backward()` is backpropagation.
-# - `optimiser.step()` lets every weight take a step downhill.
+# - `optimiser.step()` lets every weight step downhill.
 #
 # ## 5.5 A window that moves
 #
-# Move the neuron of 5.1 like a window across a larger picture, and write down its output at each
+# Move the neuron of 5.1 like a window across a larger picture, and note its output at each
 # place. This is a **convolution**, and the weights are its *kernel*. (Strictly, this is a
 # *cross-correlation*; for learned kernels, the difference does not matter.)
 
@@ -208,7 +208,7 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # five layers, and makes one new picture, a **feature map**, for the second convolution.
 #
 # The number of cells by which the window moves each time is the **stride**. A stride of 3 instead
-# of 1 leaves about a third of the cells on each side, which saves work and weights.
+# of 1 leaves about a third of the cells on each side.
 #
 # Many networks for pictures use **pooling**: of each small window they keep only the largest number
 # or the mean. Our network has no pooling, because it has to know *where* things are, not only
@@ -237,11 +237,11 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # so together they cover $5+4\cdot3=17$ cells.
 #
 # The square lies off centre because the windows begin in the north-western corner. Along a side of
-# 31 cells, nine windows cover $8\cdot3+5=29$ cells, and a tenth window would not fit. Hence the
+# 31 cells, nine windows cover $8\cdot3+5=29$ cells, and a tenth would not fit. Hence the
 # agent's network **never reads the last two rows and columns**: it cannot see a device 14 or 15
-# cells south or east of the UAV, and more than a quarter of the missions over Manhattan begin with
-# a device there. Our stride makes an update about eight times cheaper; how much the unread strip
-# matters has not been measured.
+# cells south or east of the UAV. More than a quarter of the missions over Manhattan begin with a
+# device there, and in the worst flight of notebook 0, two stay there. Our stride makes an update
+# about eight times cheaper; section 10.6 shows what the unread strip costs.
 #
 # ## 5.6 One question, three networks
 #
@@ -289,8 +289,8 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # examples better than the world that they come from. A weight of the first layer belongs to an
 # absolute place, such as "device at (4, 7)". Whether a device there is near depends on where the
 # UAV is, so what the network learns about one pair tells it little about another. More examples
-# would help, and so would stopping the training when the results on unseen examples get worse
-# (**early stopping**).
+# would help. Another remedy is to stop when results on unseen examples get worse (**early
+# stopping**), but here they do not.
 #
 # The **convolutions** avoid this problem. One window sees the UAV and a near device *together*,
 # anywhere in the city. With the **centred** map even the dense network is nearly perfect, because
@@ -307,7 +307,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # The last layer has six neurons, so a single forward pass gives all six Q-values. These neurons
 # have no ReLU, because a Q-value may be negative.
 #
-# | layer | output with the recipe `paper` (authors' code) | output in our agent |
+# | layer | output with the recipe `paper` | output in our agent |
 # | --- | --- | --- |
 # | the map | 5×31×31 | 5×31×31 |
 # | convolution, 16 kernels 5×5 | 16×27×27 | 16×9×9, with stride 3 |

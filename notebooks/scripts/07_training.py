@@ -175,7 +175,7 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # while as the agent collects more, perhaps because a bolder agent has more to predict, or because
 # each crash costs more.
 #
-# Test flights tell more: at the start of 1000 missions our agent's largest Q-value is 20.8 on
+# Test flights tell more: at the start of 1000 missions our agent's largest Q-value is 20.7 on
 # average, and the discounted rewards that then come in (with steps costing 0.1 units, as in
 # training) add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
 #

@@ -63,12 +63,10 @@ for name, recipe in centring(LITE).items():
 #
 # ## 8.2 The paper's figure
 #
-# The figure at the top has the same form as the paper's. Each point is a mean over the training
-# flights in a bin of 5000 steps. Each line is the mean of three runs. The pale band runs from
-# the 0.5th to the 99.5th percentile of their values.
-#
-# Of three values, that is almost the whole range, and a fourth run would fall outside it half of
-# the time.
+# The figure at the top has the form of the paper's, but here each point is a mean over training
+# flights, in which the agent explores; for its figure, the paper's agent took its best actions.
+# A bin has 5000 steps. Each line is the mean of three runs. The pale band runs from the 0.5th to
+# the 99.5th percentile of their values, which is almost the whole range of the three.
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good
 # part of the time, but on the right, by *collected and landed*, they do better. They collect more,
@@ -174,8 +172,8 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 # %% [markdown]
 # After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
 # **sooner**. (We chose the 300,000 steps after seeing the curves, so this gap is less certain than
-# it looks.) At the end of the long runs the interval contains 0, so these runs do not say which
-# kind is **better in the end**. In the village the bar just reaches 0, although there are six
+# it looks.) At the end of the long runs the interval contains 0, so by this measure these
+# runs do not say which kind is **better in the end**. In the village the bar just reaches 0, although there are six
 # pairs: the leads differ too much, from 1 to 46 points.
 #
 # ### Baselines
@@ -303,7 +301,7 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # | question | what these runs say |
 # | --- | --- |
 # | Does an agent learn sooner with the centred map? | Very likely, judged by *collected and landed*, in this city and with this recipe |
-# | Is it better in the end? | Open: every centred run ended with a higher return than the others, but the shares collected are level, and three runs of each kind cannot settle the question |
+# | Is it better in the end? | Open: every centred run ended slightly ahead of all the others, but three runs of each kind cannot settle the question |
 # | Is the paper's larger gap wrong? | These runs cannot say: that gap comes from another recipe and other maps |
 # | Is the recipe fair to both kinds? | Not quite: we tuned the recipe with the centred map |
 # | Is the gap due to the centring alone? | Open: the city in place shows the UAV's position differently, as a single 1, and the strip that neither network reads (5.5) contains only rim |

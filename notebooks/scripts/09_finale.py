@@ -146,7 +146,7 @@ figure
 # grow step by step, drops those that cannot get home in time or can no longer become the best, and
 # keeps, among flights in the same cell with the same devices emptied, only the few that have
 # collected most. On one core this takes about a twentieth of a second for a mission over our city,
-# but up to a dozen seconds over `metropolis`, with 50 × 50 cells and up to ten devices.
+# but sometimes a minute over `metropolis`, with 50 × 50 cells and up to ten devices.
 #
 # The genie is better than any agent here. But it has to search anew for each mission, and it needs
 # the formulas of the channel. Can a network learn to do at a glance what the genie does after a
@@ -340,4 +340,4 @@ for name, each in flown.items():
 #
 # Going further: [evaluation](10_evaluation.ipynb), [replay](11_replay.ipynb), [four ways to
 # knowledge](12_four_ways.ipynb), [any city](13_any_city.ipynb) and [a real
-# city](14_a_real_city.ipynb), in any order, except that the last one needs the two before it.
+# city](14_a_real_city.ipynb), in any order, except that 13 needs 10 and 12, and 14 needs 13.

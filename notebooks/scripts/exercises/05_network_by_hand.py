@@ -144,9 +144,9 @@ checks.convolve(convolve)
 #
 # - `layers`: the number of layers of the map, 5 in the paper
 # - `size`: M, the number of cells along each side of the *city*; the map is larger
-# - `kernels`, `kernel_size`: whole numbers, 16 and 5 in the paper
-# - `strides`: one stride for each convolution, `(1, 1)` in the paper; there may be any number of convolutions, but at least one
-# - `hidden`: the number of neurons of each hidden layer, `(256, 256, 256)` in the paper; again, there is at least one such layer
+# - `kernels`, `kernel_size`: whole numbers, 16 and 5 in the recipe `paper`
+# - `strides`: one stride for each convolution, `(1, 1)` in `paper`; there may be any number of convolutions, but at least one
+# - `hidden`: the number of neurons of each hidden layer, `(256, 256, 256)` in `paper`; again, there is at least one such layer
 #
 # An example, counted by hand: M = 2, so the map has 3×3 cells; we give it 2 layers. There is one
 # convolution, with 3 kernels of 2×2 cells and stride 1. Each kernel sees both layers, so it has 2 ·

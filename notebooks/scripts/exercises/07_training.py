@@ -318,7 +318,7 @@ for name, shares in RUNS.items():
     print(f"{name:<32}{diagnose(*shares)}")
 
 # %% [markdown]
-# With the paper's crash reward, −150 from the start, two of three seeds give a lazy agent, and none
+# With the crash reward of `paper`, −150 from the start, two of three seeds give a lazy agent, and none
 # gives a good one in so short a run. With seed 0 the agent first flew until its time was up, and
 # then learned not to fly at all.
 
@@ -377,8 +377,8 @@ checks.n_step_return(n_step)
 # ## 7.4 · Mend a lazy agent (4 points, 20 minutes)
 #
 # Section 7.4 of the notebook showed lazy agents, for which a crash cost 150 units from the start.
-# The recipe `lazy` below makes an agent lazy in the village, too: the agent lands in every mission,
-# but at once, so it uses 4 % of its flying time and collects nothing.
+# The recipe `lazy` below makes an agent timid in the village, too: the agent lands in every mission,
+# but it uses only a quarter of its flying time and collects a fifth of the data.
 
 # %%
 lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0, huber_delta=None,
@@ -413,7 +413,7 @@ for name in MAY_CHANGE:
 #
 # <details><summary>Hint</summary>
 #
-# The agent lands at once because it learned to fear the crash before it saw how much there is to
+# The agent lands so early because it learned to fear the crash before it saw how much there is to
 # collect. Must a crash cost as much at the beginning of the training as at its end?
 # </details>
 #

@@ -5,7 +5,7 @@
 #
 # ## 1 · The question
 #
-# The recipe `small` charges 0.1 for each step, which is half of what the paper charges. According
+# The recipe `small` charges 0.1 for each step, which is half of what `paper` charges. According
 # to section 7.5 of notebook 7, agents trained with `lite` gain nothing from paying 0.1 instead of
 # 0.2. If a step costs 0.5, does the agent use less of its flying time, and does it leave data
 # behind?

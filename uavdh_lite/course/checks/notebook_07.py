@@ -246,7 +246,7 @@ def wrong_recipe(recipe: Recipe) -> str:
     if recipe.crash_reward_end > LEAST_PENALTY or recipe.crash_reward > 0:
         return f"A crash must cost at least {-LEAST_PENALTY:g} at the end, and never be rewarded."
     if not changed - {"name"}:
-        return "That is the lazy recipe, unchanged: its agent lands at once and collects nothing."
+        return "That is the lazy recipe, unchanged: its agent lands far too early."
     print(f"Training for {recipe.steps:,} steps, about half a minute …", flush=True)
     torch.set_num_threads(1)  # quicker, as the network is small
     trainer = Trainer(find_scenario("village"), recipe, 0)
