@@ -27,7 +27,7 @@ from uavdh_lite.training import Trainer
 CITY = "village"
 EPISODES = 100  # missions of a point
 POINTS = (0, 3_000, 6_000, 9_000, 12_000, 18_000, 24_000, 32_000, 40_000, 48_000)
-METRICS = ("landed", "collected", "collected_and_landed", "return")
+METRICS = ("landed", "collected", "collected_and_landed", "return", "time_used")
 SETTINGS = {  # title, what it is, changes of the recipe
     "small": (
         "the usual recipe",

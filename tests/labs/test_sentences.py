@@ -67,6 +67,15 @@ def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time(
          "They first act differently at step 1, but stay near each other until step 3."),
         (flown(0, 1, 2, 12, 22, 23, 24), flown(0, 10, 20, 21, 22, 32, 42),
          "They first act differently at step 1, but come near each other again."),
+        (flown(0, 1, 2, 12, 22, 23, 24, left=[9, 9, 8, 8, 8, 8, 2], timeLeft=[0] * 7),
+         flown(0, 10, 20, 21, 22, 32, 42, timeLeft=[0] * 7),
+         "They first act differently at step 1, but come near each other again; before step 5 one "
+         "has collected 1.0 units more, in the end 7.0 more."),
+        (flown(0, 1, 1, 1, 1, 1, left=[9, 0, 0, 0, 0, 0], reward=[-1] * 5),
+         flown(0, 10, left=[9, 0]),
+         "Apart from landing, one takes 0 steps that bring 0.1 units or more and 4 that do not, "
+         "hovering in steps 2–5, though nothing has been left to collect since step 1; two takes 0 "
+         "and 0."),
         (flown(0, 1, 2, 3, left=[9, 9, 8, 8]), flown(0, 10, 20, 30, left=[9, 9, 6.6, 6.6]),
          "At step 1, one flies east and goes home, while two flies south and gets 2.4 units from "
          "device 0 by step 2."),
@@ -92,12 +101,19 @@ def test_steps_without_data_are_counted_and_the_long_stretches_that_lead_nowhere
 
 RESULT = {"landed": True, "ended": True, "steps": 10, "collected": 5.0, "return": 3.0}
 VERDICTS = [
-    ({}, {"return": 3.2}, "Nearly level."),
-    ({"landed": False}, {"landed": False}, "Both crash: all that was collected is lost."),
+    ({}, {"return": 3.2}, "Nearly level: both bring 5.0 units in the same time."),
+    ({}, {"steps": 8}, "Nearly level: both bring 5.0 units, and two is home 2 steps sooner."),
+    ({"collected": 5.4}, {"steps": 9},
+     "Nearly level: one brings 0.4 units more, but is home 1 step later."),
+    ({}, {"collected": 5.06, "steps": 11},
+     "Nearly level: two brings 0.06 units more, but is home 1 step later."),
+    ({"landed": False}, {}, "Nearly level."),
+    ({"landed": False}, {"landed": False},
+     "Both crash, because the time runs out: all that was collected is lost."),
     ({"ended": False}, {}, "One flight is still in the air."),
     ({"steps": 0, "ended": False}, {}, "One flight has not begun: fly it in the tool Fly."),
     ({"return": 9}, {"landed": False, "return": -150},
-     "One wins, because two crashes: all that was collected is lost."),
+     "One wins, because the time runs out before two lands: all that was collected is lost."),
     ({"return": 9, "collected": 9.4}, {"steps": 8},
      "One wins: 4.4 units more, home 2 steps later."),
     ({"return": 8.0, "collected": 4.5, "steps": 9}, {},
@@ -144,7 +160,7 @@ def test_sentences_speak_to_the_reader(modules):
         "hovering in steps 4–9; you take 3 and 2. Think shows what it expected there.",
         "In the end you leave 2.3 units more at device 0, 2.0 at device 2 and 1.0 less at device 1."
         " At device 0, one collects 2.3 units in step 5; you collect less than 0.1 units.",
-        "One wins, because you crash: all that was collected is lost.",
+        "One wins, because the time runs out before you land: all that was collected is lost.",
     ]
 
 
@@ -155,12 +171,36 @@ def test_a_duel_is_what_was_asked_for_and_its_reasons_are_what_the_flights_did(t
         check_duel(tell("duel", wanted=wanted), wanted)
 
 
+def check_level(verdict, names, flights):
+    """What a duel that is nearly level says of data and time."""
+    totals = [sum(flight["left"][-1][:-1]) for flight in flights]
+    steps = [len(flight["path"]) for flight in flights]
+    if said := re.search(r"level: (.*) brings ([\d.]+) units more(.*?)\.$", verdict):
+        k = int(names[1] in said[1].lower())
+        assert totals[1 - k] - totals[k] == pytest.approx(float(said[2]), abs=0.051)
+    elif "level: both" in verdict:
+        assert totals[0] == pytest.approx(totals[1], abs=0.1)
+        k = int(re.search(f"and (the )?{names[1]} is", verdict.lower()) is not None)
+    else:
+        return
+    home = re.search(r"home (\d+) steps? (sooner|later)", verdict)
+    assert steps[1 - k] - steps[k] == (
+        int(home[1]) * (1 if home[2] == "sooner" else -1) if home else 0
+    )
+
+
 def check_duel(scene, wanted):
     panel, flights = scene["panel"], scene["film"]["flights"]
     ahead = panel["results"][0]["return"] - panel["results"][1]["return"]
     assert abs(ahead) < 0.5 if wanted == 0 else wanted * ahead > 2
-    winner = {1: "The DDQN agent wins", -1: "Greedy wins", 0: "Nearly level"}[wanted]
-    assert panel["verdict"].startswith(winner)
+    names = [flight["name"].lower() for flight in flights]
+    winner = [f"The {names[0]} wins", f"{names[1]} wins", "Nearly level"][[1, -1, 0].index(wanted)]
+    assert (
+        panel["verdict"]
+        .lower()
+        .startswith(winner.lower().replace("the random", "random").replace("the greedy", "greedy"))
+    )
+    check_level(panel["verdict"], names, flights)
     part, why = panel["parting"], " ".join(panel["why"])
     assert panel["why"][0].startswith(f"At step {part + 1}, ") and part in panel["look"]
     soon = []
@@ -199,6 +239,24 @@ def check_duel(scene, wanted):
                 assert left[begin] - left[end] > left[0] - left[-1] - 0.1  # it comes in these
             else:
                 assert what == "less than 0.1 units" and left[0] - left[-1] < 0.1
+    ahead = r"; before step (\d+) (.*?) has collected ([\d.]+) units more, in the end (\S+) ?(\w*)"
+    for step, who, amount, end, more in re.findall(ahead, why):
+        one, other = flights if names[0] in who.lower() else flights[::-1]
+        at = [sum(other["left"][k][:-1]) - sum(one["left"][k][:-1]) for k in (part, -1)]
+        assert int(step) == part + 1 and at[0] == pytest.approx(float(amount), abs=0.051)
+        said = 0 if end == "as" else float(end.strip(".")) * (-1 if "less" in more else 1)
+        assert at[1] == pytest.approx(said, abs=0.051)
+    if since := re.search(r"(.*?) takes .* in steps (\d+).*left to collect since step (\d+);", why):
+        lost = next(
+            f
+            for f, name in zip(flights, names, strict=True)
+            if name in since[1].lower().rsplit("landing, ")[-1]
+        )
+        totals = [sum(left[:-1]) for left in lost["left"]]
+        assert totals[int(since[3])] < 0.05 <= totals[int(since[3]) - 1]
+        assert int(since[3]) < int(since[2])
+    for unused in re.findall(r", with (\d+) units? of time unused", why):
+        assert int(unused) == loser["left"][-1][-1] > 0
     spends = r"ing, (.*?) takes (\d+) .*? and (\d+) that.*?; .*? takes (\d+) and (\d+)\."
     for who, *counts in re.findall(spends, why):
         order = flights if "greedy" not in who.lower() else flights[::-1]
@@ -270,13 +328,26 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
 def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules):
     flight = flown(0, 1, 2, 3, left=[9, 9, 0, 0])
     call, values = "(flight) => think_js.closestCall(flight)", [[5, 1], [5, 4], [5, 4.9]]
-    assert modules(call, flight | {"values": values}) == {"step": 1, "gap": 1, "stake": True}
+    assert modules(call, flight | {"values": values}) == {
+        "step": 1,
+        "gap": 1,
+        "stake": True,
+        "smaller": {"step": 2, "gap": pytest.approx(0.1)},
+    }
     said = f"([flight, what]) => think_js.choices(flight, {WHERE}, true).map((each) => each[what])"
     calls = flight | {"values": [[5, 1], [5, 4.9], [5, 4.9]], "states": [0, 0, 0]}
     told = {"brings": 9, "instead": 2, "scores": True}
     assert modules(said, [calls, "both"]) == [None, told, None]
     waits = flown(0, 0, 1, 2, left=[9, 9, 9, 0]) | {"values": [[5, 1]] * 3, "states": [0, 0, 0]}
-    gives = {"kind": "gives", "device": 0, "amount": 9, "all": 9, "waits": False, "back": False}
+    gives = {
+        "kind": "gives",
+        "device": 0,
+        "amount": 9,
+        "all": 9,
+        "waits": False,
+        "back": False,
+        "home": False,
+    }
     stays = {"kind": "stays", "until": 0, "amount": 0, "rest": 9}
     assert modules(said, [waits, "reason"]) == [
         stays,  # hovering does not bring what comes from flying on
@@ -285,7 +356,16 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
     ]
     done = flown(0, 1, 2, 3, left=[0, 0, 0, 0])
     found = modules(call, done | {"values": values})
-    assert found["step"] == 2 and found["stake"] is False
+    assert found["step"] == 2 and found["stake"] is False and found["smaller"] is None
+    goes = flown(0, 1, 2, 3, left=[9, 9, 5, 5]) | {"values": [[5, 1]] * 3, "states": [0, 0, 0]}
+    goes["timeLeft"] = [4, 3, 2, 1]
+    near = WHERE.replace("Array(9).fill(0)", "[3, 2, 1, 0]").replace("uavCell: 0", "uavCell: 2")
+    way = f"(it) => think_js.choices(it, {near}, true).map(words_js.sentence)"
+    first, gains, _ = modules(way, goes)
+    assert first.startswith("east, on the way home, which is 3 units of time away; 4 are left;")
+    assert gains.startswith(
+        "east, because device 0 gives 4.0 units in this step, on the way home; "
+    )
 
 
 def test_a_gain_is_named_first_and_a_landing_says_since_when_all_is_collected(modules):
@@ -319,7 +399,10 @@ def test_who_thinks_is_an_agent_and_never_a_planner_under_its_name(tell, planner
 def run_of(*shares):
     points = enumerate(shares)
     return {
-        "points": [{"steps": 5000 * k, "landed": s, "collected_and_landed": s} for k, s in points]
+        "points": [
+            {"steps": 5000 * k, "landed": s, "collected_and_landed": s, "time_used": 1 - s / 2}
+            for k, s in points
+        ]
     }
 
 
@@ -341,8 +424,8 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
     forgot = "Earlier, after 5,000 steps, 93 landed, but it forgot how."
     never = "Orange has not learned to land for good."
     fall, falls = (
-        f"After 5,000 steps {run} % of the data home, but after 10,000 only {now} %: it lands in "
-        f"{now} of 100 missions, not in {before} (choose “collected and landed” to see it)."
+        f"After 5,000 steps {run} % of the data home, but after 10,000 only {now} %, its deepest "
+        f"fall: it lands in {now} of 100 missions, not in {before} (choose “collected and landed” to see it)."
         for run, before, now in (("blue brings 93", 93, 30), ("orange brings 90", 90, 0))
     )
     brings = "lands in {0} of 100 missions and brings {0} % of the data home"
@@ -355,7 +438,14 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
     assert told(modules, blue, blue)[-1].startswith("In the end: blue lands in 92")
     better = run_of(0, 0.9, 1)
     better["points"][2]["collected_and_landed"] = 0.5
-    assert "lands in 100 of 100 missions, not in 90, but collects less" in told(modules, better)[1]
+    said = (
+        "lands in 100 of 100 missions, not in 90, but its flights take 50 % of their time, not 55 %"
+    )
+    assert said in (why := told(modules, better)[1]) and "because it goes home sooner: it" in why
+    better["points"][2]["time_used"] = 0.55
+    assert "not in 90, but collects less in about the same time" in told(modules, better)[1]
+    sooner = told(modules, run_of(0, 0.9, 0.9), run_of(0, 0, 0.9))
+    assert "Blue learns to land 5,000 steps sooner." in sooner
     assert len(told(modules, run_of(0, 0.9, 0.87))) == 2  # hardly less is no fall
 
 

@@ -5,6 +5,7 @@ import { ACTIONS, LAND, REWARDS, sum } from "./world.js";
 const AHEAD = 2; // of the return: a clear win
 const LEVEL = 0.5;
 const LITTLE = 0.1; // data units: nothing to speak of
+const NONE = 0.05; // data units: all is collected
 const ENOUGH = 0.5; // worth a word
 const MUCH = 2; // a reason
 const NEAR = 2; // cells between them
@@ -56,7 +57,7 @@ export function verdict(who, results) {
   if (!results.every(({ ended }) => ended)) return { kind: "air" };
   if (!results.some(({ landed }) => landed)) return { kind: "crashes" };
   const difference = results[0].return - results[1].return;
-  if (Math.abs(difference) < LEVEL) return { kind: "level" };
+  if (Math.abs(difference) < LEVEL) return { kind: "level", ...gains(who, results) };
   const ahead = difference > 0 ? 0 : 1;
   const [won, lost] = [results[ahead], results[1 - ahead]];
   const both = { who: who[ahead], other: who[1 - ahead] };
@@ -66,6 +67,16 @@ export function verdict(who, results) {
   const more = Math.abs(gained) >= (sooner ? ENOUGH : LITTLE) ? gained : 0;
   const refusals = gained < 0 && -REWARDS.movement * sooner <= -gained; // time does not explain it
   return { kind: "wins", ...both, more, sooner, by: gained < 0 ? Math.abs(difference) : 0, refusals };
+}
+
+/** Who of two that landed brings more data, or as much sooner, and by how much. */
+function gains(who, results) {
+  if (!results.every(({ landed }) => landed)) return {};
+  const [shown, other] = results.map(({ collected }) => collected.toFixed(1));
+  const more = shown === other ? 0 : results[0].collected - results[1].collected;
+  const sooner = results[1].steps - results[0].steps;
+  const first = (more || sooner) >= 0;
+  return { who: who[first ? 0 : 1], data: results[0].collected, more: Math.abs(more), sooner: first ? sooner : -sooner };
 }
 
 /**
@@ -86,14 +97,14 @@ export function reasons(who, flights, part, size) {
   const first = flights[0].action.findIndex((action, k) => action !== flights[1].action[k]);
   if (first >= 0 && first < part) {
     const far = Array.from({ length: part - first }, (_, k) => cellsApart(...flights.map(({ uavCell }) => uavCell[first + 1 + k]), size));
-    facts.push({ kind: "first", step: first, until: Math.max(...far) <= NEAR ? part : null, look: first });
+    facts.push({ kind: "first", step: first, part, near: Math.max(...far) <= NEAR, ahead: aheadAt(who, flights, part), look: first });
   }
   if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts; // one is in the air
   const behind = sum(flights[0].reward) < sum(flights[1].reward) ? 0 : 1;
   const about = { who: who[behind], other: who[1 - behind] };
   const [spent, others] = [behind, 1 - behind].map((k) => spentBy(flights[k]));
   if (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG)
-    facts.push({ kind: "spends", ...about, spent, others, ...astray(flights[behind]) });
+    facts.push({ kind: "spends", ...about, spent, others, ...astray(flights[behind]), since: nothingSince(flights[behind]) });
   const more = flights[0].dataLeft.at(-1).map((each, k) => each - flights[1].dataLeft.at(-1)[k]);
   const fewer = sum(more) > 0 ? 0 : 1; // who brings less data
   const devices = Array.from(more, (each, device) => ({ device, more: fewer === 0 ? each : -each }))
@@ -101,12 +112,29 @@ export function reasons(who, flights, part, size) {
     .sort((one, other) => other.more - one.more);
   if (devices[0]?.more > 0) {
     const [{ device }] = devices;
-    const unused = flights[fewer].timeLeft.at(-1) >= LONG ? flights[fewer].timeLeft.at(-1) : 0;
+    const unused = flights[fewer].timeLeft.at(-1);
     const [loser, winner] = [fewer, 1 - fewer].map((k) => ({ who: who[k], ...got(flights[k], device) }));
     facts.push({ kind: "leaves", devices, unused, loser, winner, look: winner.first });
   }
   return facts;
 }
+
+/** Who has collected ENOUGH more before a step, and how much more it is at the end, null while one is in the air. */
+function aheadAt(who, flights, step) {
+  const more = (at) => sum(flights[1].dataLeft.at(at)) - sum(flights[0].dataLeft.at(at));
+  const sign = Math.sign(more(step));
+  const over = flights.every(({ landed, timeLeft }) => landed || timeLeft.at(-1) <= 0);
+  return Math.abs(more(step)) < ENOUGH ? null : { who: who[sign > 0 ? 0 : 1], amount: sign * more(step), end: over ? sign * more(-1) : null };
+}
+
+/** The step after which nothing is left to collect, if its first idle stretch comes later; else 0. */
+function nothingSince(flight) {
+  const since = emptied(flight);
+  return since > 0 && since <= (astray(flight).stretches[0]?.[0] ?? -1) ? since : 0;
+}
+
+/** The first step before which all is collected, −1 if there is none. */
+export const emptied = ({ dataLeft }) => dataLeft.findIndex((each) => sum(each) < NONE);
 
 /** What a flight gets from a device: `amount`, and the `first` and `last` step between which it comes, but for LITTLE. */
 function got({ dataLeft }, device) {

@@ -10,12 +10,14 @@ export function kinkOf({ points }) {
 }
 
 /** What the missions of a point brought, as a fact. */
-export const pointFact = ({ steps, landed, collected_and_landed: home }, episodes) =>
-  ({ kind: "point", episodes, steps, landed: Math.round(episodes * landed), home: Math.round(100 * home) });
+export function pointFact({ steps, landed, collected_and_landed: home, time_used: time }, episodes) {
+  const [brought, used] = [home, time].map((share) => Math.round(100 * share));
+  return { kind: "point", episodes, steps, landed: Math.round(episodes * landed), home: brought, time: used };
+}
 
 /**
  * What the kinks mean, and how the runs ended: facts.
- * @param {{points: {steps: number, landed: number, collected_and_landed: number}[]}[]} runs one or two
+ * @param {{points: {steps: number, landed: number, collected_and_landed: number, time_used: number}[]}[]} runs one or two
  * @param {string} metric that the curves show
  */
 export function raceFacts(runs, episodes, metric) {
@@ -32,8 +34,12 @@ export function raceFacts(runs, episodes, metric) {
     }
     const falls = points.slice(1).map((to, before) => ({ from: points[before], to, by: points[before].home - to.home }));
     const most = falls.reduce((one, other) => (other.by > one.by ? other : one));
-    if (most.by >= FALL) facts.push({ kind: "falls", ...about, ...most, hidden: metric === "landed" });
+    const { from, to } = most;
+    const sooner = to.landed >= from.landed && from.time - to.time >= FALL;
+    if (most.by >= FALL) facts.push({ kind: "falls", ...about, from, to, sooner, hidden: metric === "landed" });
   });
+  const [blue, orange] = runs.map((run) => run.points[kinkOf(run)]?.steps);
+  if (blue && orange && blue !== orange) facts.push({ kind: "sooner", run: Number(orange < blue), steps: Math.abs(blue - orange) });
   const ends = runs.map(({ points }) => pointFact(points.at(-1), episodes));
   const [first, second] = ends.map(({ home }) => home);
   const level = runs.length < 2 || Math.abs(first - second) <= 1;

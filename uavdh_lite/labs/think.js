@@ -1,12 +1,13 @@
 // What an agent expects at each step of its flight, and why it acts so: the facts of the tool Think.
 
+import { emptied } from "./compare.js";
 import { ACTIONS, HOVER, LAND, sum } from "./world.js";
 
 const CLOSE = 0.5; // a gap between Q-values below which a decision is called close
 const ENOUGH = 0.5; // data units of a device that are worth a reason,
 const SPARE = 1; // units of time more than the way home takes, with which it has to fly home
 const STAKE = 1; // data units that are still to be had, without which no decision is called close
-const NONE = 0.05; // data units: all is collected
+const LESS = 0.05; // data units that the second best action brings less, so that data is a reason
 
 /** The second best action, and how far the best is ahead of it; Infinity where nothing else is allowed. */
 function runnerUp(values) {
@@ -15,14 +16,15 @@ function runnerUp(values) {
 }
 
 /**
- * The step with the smallest gap while data is left to be had, else the smallest of all.
+ * The step with the smallest gap while data is left to be had, else the smallest of all; then also where a later gap is smaller.
  * @param {import("./flights.js").Flight} flight of an agent
  */
 export function closestCall({ values, dataLeft }) {
   const all = values.map((each, step) => ({ step, gap: runnerUp(each).gap, stake: sum(dataLeft[step]) >= STAKE }));
   const serious = all.filter(({ gap, stake }) => stake && Number.isFinite(gap));
-  const { step, gap } = (serious.length ? serious : all).reduce((one, other) => (other.gap < one.gap ? other : one));
-  return { step, gap, stake: serious.length > 0 };
+  const [closest, smallest] = [serious.length ? serious : all, all].map((some) => some.reduce((one, other) => (other.gap < one.gap ? other : one)));
+  const { step, gap } = closest;
+  return { step, gap, stake: serious.length > 0, smaller: smallest === closest ? null : { step: smallest.step, gap: smallest.gap } };
 }
 
 /**
@@ -38,13 +40,14 @@ export function choices(flight, { mission, environment }, scores) {
     const state = flight.states[step];
     const other = environment.transition(state, second, environment.drawFading(state, generator));
     const [brings, instead] = [sum(flight.dataLeft[step]) - sum(flight.dataLeft[step + 1]), sum(other.outcome.uploaded)];
-    const reason = reasonOf(flight, step, environment.timeToLand, other.state.uavCell);
+    const more = instead <= brings - LESS;
+    const reason = reasonOf(flight, step, environment.timeToLand, other.state.uavCell, more);
     const now = reason?.kind === "gives" && reason.within === 1;
     const close = gap < CLOSE && sum(flight.dataLeft[step]) >= STAKE;
     return {
       kind: "chooses",
       action: ACTIONS[flight.action[step]],
-      reason: now && instead > brings - NONE ? null : reason,
+      reason: now && !more ? null : reason,
       gap: Number.isFinite(gap) ? gap : null,
       second: ACTIONS[second],
       close,
@@ -53,17 +56,18 @@ export function choices(flight, { mission, environment }, scores) {
   });
 }
 
-function reasonOf(flight, step, timeToLand, otherwise) {
+function reasonOf(flight, step, timeToLand, otherwise, more) {
   const { uavCell, dataLeft, landed } = flight;
   const [action, left] = [flight.action[step], flight.timeLeft[step]];
   const [home, after] = [timeToLand[uavCell[step]], timeToLand[uavCell[step + 1]]];
   const given = dataLeft.slice(step + 1).map((later) => dataLeft[step].map((each, k) => each - later[k]));
   const within = given.findIndex((each) => Math.max(...each) >= ENOUGH) + 1;
   if (flight.intervened[step]) return { kind: "refused" };
-  const since = dataLeft.findIndex((each) => sum(each) < NONE); // after this step nothing is left
+  const since = emptied(flight);
   if (action === LAND) return since >= 0 && since <= step ? { kind: "done", since: since < step ? since : 0 } : null;
   const now = timeToLand[otherwise] >= home; // the second best action leads no nearer
-  if (landed && after < home && left <= home + SPARE) return { kind: "home", home, left, now };
+  const goes = landed && after < home && left <= home + SPARE;
+  if (goes && (now || within !== 1 || !more)) return { kind: "home", home, left, now };
   const back = step > 0 && uavCell[step + 1] === uavCell[step - 1] && uavCell[step + 1] !== uavCell[step];
   if (back && within !== 1) return { kind: "back" };
   if (within) {
@@ -71,12 +75,12 @@ function reasonOf(flight, step, timeToLand, otherwise) {
     const device = given[within - 1].indexOf(amount);
     const all = sum(given[within - 1]);
     const stays = uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
-    if (action !== HOVER || stays) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back };
+    if (action !== HOVER || stays) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back, home: goes };
   } else if (landed && after < home) return { kind: "home", home, left, now: false };
   if (since >= 0 && since <= step) return { kind: "idle", since: since < step ? since : 0 };
   if (action !== HOVER) return null;
   let until = step + 1; // steps after which it does something else
   while (flight.action[until] === HOVER) until += 1;
-  const [rest, later] = [step, until].map((k) => sum(dataLeft[k]));
-  return { kind: "stays", until: until > step + 1 ? until : 0, amount: rest - later, rest };
+  const rest = sum(dataLeft[step].map((each) => Math.round(10 * each) / 10)); // as the bars show it
+  return { kind: "stays", until: until > step + 1 ? until : 0, amount: sum(dataLeft[step]) - sum(dataLeft[until]), rest };
 }

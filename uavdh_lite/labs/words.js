@@ -44,10 +44,16 @@ const towards = ({ device, by, amount, home, who }) =>
 const TEMPLATES = {
   air: () => "One flight is still in the air.",
   empty: () => "One flight has not begun: fly it in the tool Fly.",
-  level: () => "Nearly level.",
-  crashes: () => "Both crash: all that was collected is lost.",
+  level({ who, data, more, sooner }) {
+    if (!who) return "Nearly level.";
+    const home = sooner && `home ${steps(Math.abs(sooner))} ${sooner > 0 ? "sooner" : "later"}`;
+    const is = who.you ? "are" : "is";
+    if (!more) return `Nearly level: both bring ${data.toFixed(1)} units${home ? `, and ${says(who, "is", home)}` : " in the same time"}.`;
+    return `Nearly level: ${says(who, "brings", `${units(more)} units more`)}${home ? `, ${sooner > 0 ? "and" : "but"} ${is} ${home}` : ""}.`;
+  },
+  crashes: () => "Both crash, because the time runs out: all that was collected is lost.",
   crash: ({ who, other }) =>
-    `${upper(says(who, "wins"))}, because ${says(other, "crashes")}: all that was collected is lost.`,
+    `${upper(says(who, "wins"))}, because the time runs out before ${says(other, "lands")}: all that was collected is lost.`,
   wins({ who, more, sooner, by, refusals }) {
     const told = [
       more && `${Math.abs(more).toFixed(1)} units ${more > 0 ? "more" : "less"}`,
@@ -62,21 +68,25 @@ const TEMPLATES = {
   same: () => "Both flights end in the same way.",
   part: ({ step, acts, ends }) =>
     `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k]) : "")).join(", while ")}.`,
-  first: ({ step, until }) =>
-    `They first act differently at step ${step + 1}, but ${until ? `stay near each other until step ${until + 1}` : "come near each other again"}.`,
-  spends({ who, spent, other, others, stretches, hovers, turns }) {
+  first({ step, near, part, ahead }) {
+    const { who, amount, end } = ahead ?? {};
+    const later = end === null ? "" : `, in the end ${Math.abs(end) < 0.05 ? "as much" : `${units(Math.abs(end))} ${end < 0 ? "less" : "more"}`}`;
+    const has = ahead ? `; before step ${part + 1} ${says(who, "has", `collected ${units(amount)} units more${later}`)}` : "";
+    return `They first act differently at step ${step + 1}, but ${near ? `stay near each other until step ${part + 1}` : "come near each other again"}${has}.`;
+  },
+  spends({ who, spent, other, others, stretches, hovers, turns, since }) {
     const does = [hovers && "hovering", turns && "flying to and fro"].filter((each) => each).join(" or ");
     const where = does && `, ${does} in steps ${listed(stretches.map(([first, last]) => `${first + 1}–${last + 1}`))}`;
     return `Apart from landing, ${says(who, "takes", `${steps(spent.brings)} that ${spent.brings === 1 ? "brings" : "bring"} 0.1 units or more`)} ` +
       `and ${spent.idle} that ${spent.idle === 1 ? "does" : "do"} not` +
-      `${where}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.${does && who.thinks ? " Think shows what it expected there." : ""}`;
+      `${where}${since ? `, though ${nothingLeft(since)}` : ""}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.${does && who.thinks ? " Think shows what it expected there." : ""}`;
   },
   leaves({ devices, unused, loser, winner }) {
     const left = devices.map(({ device, more }, k) =>
       `${Math.abs(more).toFixed(1)} ${k ? "" : "units "}${more > 0 ? (k ? "" : "more ") : "less "}at device ${device}`);
     const collects = ({ who, amount, first, last }) =>
       says(who, "collects", amount < 0.1 ? "less than 0.1 units" : `${amount.toFixed(1)} units ${fromTo(first, last)}`);
-    return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${unused} units of time unused` : ""}. ` +
+    return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${timeUnits(unused)} unused` : ""}. ` +
       `At device ${devices[0].device}, ${collects(winner)}; ${collects(loser)}.`;
   },
 
@@ -98,12 +108,14 @@ const TEMPLATES = {
   kink: ({ run, steps, before, now, episodes }) =>
     `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} missions landed at the point before, ${now} at this one.`,
   forgot: ({ steps, landed }) => `Earlier, after ${grouped(steps)} steps, ${landed} landed, but it forgot how.`,
-  falls({ run, from, to, episodes, hidden }) {
+  falls({ run, from, to, sooner, episodes, hidden }) {
     const lands = to.landed === from.landed ? "it lands as often" : `it lands in ${to.landed} of ${episodes} missions, not in ${from.landed}`;
-    const less = to.landed < from.landed ? "" : ", but collects less before";
+    const time = `its flights take ${to.time}\u00a0% of their time, not ${from.time}\u00a0%`;
+    const less = to.landed < from.landed ? "" : sooner ? `, but ${time}` : `, but collects less in ${to.time > from.time + 5 ? "more" : "about the same"} time`;
     return `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, but after ${grouped(to.steps)} only ` +
-      `${to.home}\u00a0%: ${lands}${less}${hidden ? " (choose “collected and landed” to see it)" : ""}.`;
+      `${to.home}\u00a0%, its deepest fall${sooner ? ", because it goes home sooner" : ""}: ${lands}${less}${hidden ? " (choose “collected and landed” to see it)" : ""}.`;
   },
+  sooner: ({ run, steps }) => `${upper(RUNS[run])} learns to land ${grouped(steps)} steps sooner.`,
   point: ({ episodes, landed, home }) =>
     `Over ${episodes} missions that it did not learn from, it lands in ${landed} and brings ${home}\u00a0% of the data home.`,
   ends({ ends, wins, episodes }) {
@@ -142,11 +154,11 @@ const REASONS = {
       ? `, because home is ${timeUnits(home)} away and ${left} ${left === 1 ? "is" : "are"} left`
       : `, on the way home, which is ${timeUnits(home)} away; ${left} are left`,
   back: () => ", back to where it just was",
-  gives({ device, amount, all, within, waits, back }) {
+  gives({ device, amount, all, within, waits, back, home }) {
     const [some, total] = [amount, all].map((each) => each.toFixed(1));
     if (within > 1) return `, ${waits ? "waiting for" : "on the way to"} device ${device}, which gives ${some} units within ${within} steps`;
     const gives = `gives ${some} ${some === total ? "" : `of ${total} `}units in this step`;
-    return `, because device ${device} ${gives}${back ? ", back to where it just was" : ""}`;
+    return `, because device ${device} ${gives}${back ? ", back to where it just was" : ""}${home ? ", on the way home" : ""}`;
   },
 };
 
