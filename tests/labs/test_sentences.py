@@ -194,12 +194,8 @@ def check_duel(scene, wanted):
     ahead = panel["results"][0]["return"] - panel["results"][1]["return"]
     assert abs(ahead) < 0.5 if wanted == 0 else wanted * ahead > 2
     names = [flight["name"].lower() for flight in flights]
-    winner = [f"The {names[0]} wins", f"{names[1]} wins", "Nearly level"][[1, -1, 0].index(wanted)]
-    assert (
-        panel["verdict"]
-        .lower()
-        .startswith(winner.lower().replace("the random", "random").replace("the greedy", "greedy"))
-    )
+    winner = {1: f"{names[0]} wins", -1: f"{names[1]} wins", 0: "nearly level"}[wanted]
+    assert panel["verdict"].lower().removeprefix("the ").startswith(winner)
     check_level(panel["verdict"], names, flights)
     part, why = panel["parting"], " ".join(panel["why"])
     assert panel["why"][0].startswith(f"At step {part + 1}, ") and part in panel["look"]
@@ -232,7 +228,7 @@ def check_duel(scene, wanted):
     part_of = r"At device (\d), (.*?) collects (.*?); (.*?) collects (.*?)\."
     for device, *told in re.findall(part_of + "(?: |$)", why):
         for who, what in zip(told[::2], told[1::2], strict=True):
-            left = [each[int(device)] for each in flights["greedy" in who.lower()]["left"]]
+            left = [each[int(device)] for each in flights[names[1] in who.lower()]["left"]]
             if amount := re.match(r"([\d.]+) units (?:from step (\d+) to|in step) (\d+)", what):
                 begin, end = int(amount[2] or amount[3]) - 1, int(amount[3])
                 assert left[0] - left[-1] == pytest.approx(float(amount[1]), abs=0.051)
@@ -247,11 +243,7 @@ def check_duel(scene, wanted):
         said = 0 if end == "as" else float(end.strip(".")) * (-1 if "less" in more else 1)
         assert at[1] == pytest.approx(said, abs=0.051)
     if since := re.search(r"(.*?) takes .* in steps (\d+).*left to collect since step (\d+);", why):
-        lost = next(
-            f
-            for f, name in zip(flights, names, strict=True)
-            if name in since[1].lower().rsplit("landing, ")[-1]
-        )
+        lost = flights[names[1] in since[1].rsplit("landing, ")[-1].lower()]
         totals = [sum(left[:-1]) for left in lost["left"]]
         assert totals[int(since[3])] < 0.05 <= totals[int(since[3]) - 1]
         assert int(since[3]) < int(since[2])
@@ -259,7 +251,7 @@ def check_duel(scene, wanted):
         assert int(unused) == loser["left"][-1][-1] > 0
     spends = r"ing, (.*?) takes (\d+) .*? and (\d+) that.*?; .*? takes (\d+) and (\d+)\."
     for who, *counts in re.findall(spends, why):
-        order = flights if "greedy" not in who.lower() else flights[::-1]
+        order = flights if names[1] not in who.lower() else flights[::-1]
         for flight, brings, nothing in zip(order, counts[::2], counts[1::2], strict=True):
             totals = [sum(left[:-1]) for left in flight["left"]][: len(flight["path"]) - 1]
             gains = [a - b >= 0.1 for a, b in pairwise(totals)]  # a landing is the last step
@@ -425,7 +417,8 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
     never = "Orange has not learned to land for good."
     fall, falls = (
         f"After 5,000 steps {run} % of the data home, but after 10,000 only {now} %, its deepest "
-        f"fall: it lands in {now} of 100 missions, not in {before} (choose “collected and landed” to see it)."
+        f"fall: it lands in {now} of 100 missions, not in {before} "
+        "(choose “collected and landed” to see it)."
         for run, before, now in (("blue brings 93", 93, 30), ("orange brings 90", 90, 0))
     )
     brings = "lands in {0} of 100 missions and brings {0} % of the data home"
