@@ -253,8 +253,10 @@ def check_duel(scene, wanted):
     for who, *counts in re.findall(spends, why):
         order = flights if names[1] not in who.lower() else flights[::-1]
         for flight, brings, nothing in zip(order, counts[::2], counts[1::2], strict=True):
-            totals = [sum(left[:-1]) for left in flight["left"]][: len(flight["path"]) - 1]
-            gains = [a - b >= 0.1 for a, b in pairwise(totals)]  # a landing is the last step
+            totals = [sum(left[:-1]) for left in flight["left"]]
+            gains = [a - b >= 0.1 for a, b in pairwise(totals)]
+            if flight["end"] == "landed":
+                gains.pop()
             assert [gains.count(True), gains.count(False)] == [int(brings), int(nothing)]
 
 

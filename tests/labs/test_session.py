@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from uavdh_lite.channel import rate
 from uavdh_lite.city import load_city
@@ -370,6 +371,9 @@ def test_a_city_goes_into_a_picture_and_back(tell, opened, saved, tmp_path):
     tell("city", name="village")
     assert opened("city.PNG", content)["film"]["city"] == rows
     opened("city.png", b"no picture", refused="not a readable PNG")
+    Image.new("RGB", (8, 8), (200, 30, 99)).save(tmp_path / "photo.png")
+    wrong = (tmp_path / "photo.png").read_bytes()
+    opened("photo.png", wrong, refused="photo.png: pixel row 0, column 0 is #c81e63")
 
 
 def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
@@ -383,7 +387,8 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
 @pytest.mark.parametrize(
     ("entry", "value", "said"),
     [
-        ("version", 2, "neither a saved page"),
+        ("version", 2, "another version of the labs (2; this page reads 1)"),
+        ("format", "x", "neither a saved page"),
         ("tool", 7, "choose one of"),
         ("policies", ["greedy"], "give two names"),
         ("policies", ["greedy", 1], "give two names"),
@@ -395,6 +400,7 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
         ("point", ["0", "1"], 'point ["0","1"]: no such agent'),
         ("flown", "nx", "other letters"),
         ("flown", 5, "other letters"),
+        ("flown", "x" * 500, 'flown "xxxx'),
         ("step", 1.5, "must be a whole number"),
         ("step", -2, "must be a whole number from -1"),
         ("held", [0, 8], "held [0,8]: no cell of this city"),
@@ -408,7 +414,7 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
 def test_a_file_with_a_wrong_entry_is_refused(opened, saved, entry, value, said):
     stage = json.loads(saved("stage"))
     value = stage[entry] | value if entry == "mission" and value else value
-    opened("a.json", stage | {entry: value}, refused=said)
+    assert len(opened("a.json", stage | {entry: value}, refused=said)["refused"]) < 300
 
 
 def test_a_rival_that_is_not_there_is_named_and_a_point_flies_over_its_city_alone(
@@ -418,6 +424,10 @@ def test_a_rival_that_is_not_there_is_named_and_a_point_flies_over_its_city_alon
     scene = opened("a.json", stage | {"policies": ["foo", "random"]})
     said = "“foo” cannot fly over village on this page, so random and greedy do."
     assert scene["note"] == said and scene["state"]["policies"] == ["random", "greedy"]
+    twice = opened("a.json", stage | {"policies": ["greedy", "greedy"]})
+    assert twice["note"] == "A rival cannot fly against itself, so random and greedy do."
+    stage["mission"]["city"]["name"] = "x" * 41
+    opened("a.json", stage, refused="city.name: at most 40 letters")
     tell("city", name="manhattan")
     elsewhere = json.loads(saved("stage")) | {"tool": "watch", "point": [0, 0]}
     opened("a.json", elsewhere, refused="point [0,0]: no such agent flies here")
@@ -426,6 +436,7 @@ def test_a_rival_that_is_not_there_is_named_and_a_point_flies_over_its_city_alon
 def test_what_is_no_file_of_the_labs_is_refused(opened):
     opened("photo.jpg", b"\xff\xd8{", refused=r"(.json), a city (.png) or an agent (.safetensors)")
     opened("a.json", [1], refused="neither a saved page nor a mission")
+    opened("a.json", b'{"format": "uavdh_lite sta', refused="this file is damaged or cut off")
     opened("a.json", b" " * 1_000_001, refused="too large")
 
 

@@ -204,8 +204,8 @@ export function attend(stage) {
     if (ctrlKey || metaKey) return by ? () => ask({ kind: "undo", by }) : null;
     const [down, right] = WAYS[ARROWS[key]] ?? [];
     const tab = target.closest("[role=tab]");
-    if (tab && right) {
-      const to = tools[(tools.indexOf(tab.dataset.tool) + right + tools.length) % tools.length];
+    if (tab && (right || ["Home", "End"].includes(key))) {
+      const to = { Home: tools[0], End: tools.at(-1) }[key] ?? tools[(tools.indexOf(tab.dataset.tool) + right + tools.length) % tools.length];
       find(`#tab-${to}`).focus();
       return () => ask({ kind: "tool", tool: to });
     }

@@ -10,7 +10,7 @@ import { CHANGES, LOOKS, TOOLS, YOU, cityOfPicture, isInside, newStage, overCity
   textOfLink, withMission } from "./state.js";
 import { choices, closestCall } from "./think.js";
 import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, kept, require, wilsonInterval } from "./world.js";
-import { LONGEST, RUNS, grouped, sentence } from "./words.js";
+import { LONGEST, NAME, RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const KEPT = 100; // changes and moves that can be undone
@@ -23,6 +23,7 @@ const RACED = 13; // the mission of Watch, chosen because there each agent bring
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
 const BESIDE = ["show", "values", "shadow", "look", "hold", "see"]; // what does not end what takes long
+const LETTERS = 60; // of a word that was found in a file
 const STOPPED = new InputError("stopped");
 
 const isCell = (value) => Array.isArray(value) && value.length === 2 && value.every(Number.isInteger);
@@ -61,7 +62,8 @@ const MESSAGES = {
 
 /** Why something was not done, for people; nothing if they ended it themselves. */
 function reasonOf(error) {
-  if (error instanceof InputError) return error === STOPPED ? "" : error.message;
+  const short = (word) => (word.length > LETTERS ? `${word.slice(0, LETTERS)}…` : word);
+  if (error instanceof InputError) return error === STOPPED ? "" : error.message.replace(/\S+/g, short);
   console.error(error);
   return `this did not work: ${error}`;
 }
@@ -291,7 +293,8 @@ export class Session {
   /** Goes on with another stage; a change of its mission can be undone, and a move of the flight. */
   take(stage, kind) {
     const { mission, flown, policies } = this.stage;
-    const { flyingTime } = stage.mission;
+    const { flyingTime, city } = stage.mission;
+    require(city.name.length <= NAME, `city.name: at most ${NAME} letters fit here`);
     require(flyingTime <= LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST} units of time`);
     if (stage.mission !== mission || stage.flown !== flown) {
       const soon = this.last[0] === kind && performance.now() - this.last[1] < TOGETHER;
@@ -376,7 +379,7 @@ export class Session {
       const ghost = numbers(hangar.flight(this.ghost));
       const { city, flyingTime } = stage.mission;
       const [mine, its] = [you, ghost].map((each) => Number(each.return.toFixed(1))); // as they are shown
-      const rank = { city: city.name, time: flyingTime, ...you, ahead: mine - its };
+      const rank = { city: city.name, time: flyingTime, ...you, ahead: mine - its, ghost: whoIs(this.ghost, this.agents).title };
       this.ranking = [...this.ranking, rank].sort((one, other) => other.ahead - one.ahead);
     },
     /** The next mission in which the first policy wins (1), loses (−1), or is level (0). */
@@ -392,7 +395,7 @@ export class Session {
           if (isDuel(wanted, flights.map(numbers), parting(...flights, city.size))) return mission;
           await turn(k / TRIES);
         }
-        throw new InputError(`no such duel among the next ${TRIES} missions: try other rivals`);
+        throw new InputError(`no such duel among the next ${TRIES} missions, and a second search looks at the same ones: try other rivals`);
       });
       this.take({ ...withMission(this.stage, found, this.shelf), policies: pair }, "duel");
     },
@@ -449,8 +452,8 @@ export class Session {
       if (moved.length) this.notes.push({ kind: "moved", moved });
     },
     async open({ file, link, here, past, others }) {
-      const strangers = [];
-      const stage = await this.long("", () => this.opened(file, link, strangers));
+      const notes = [];
+      const stage = await this.long("", () => this.opened(file, link, notes));
       const { mission } = this.stage;
       const known = JSON.stringify(mission.asJson()) === JSON.stringify(stage.mission.asJson());
       const begins = here && this.history.length === 1;
@@ -459,7 +462,7 @@ export class Session {
       if (begins && past) this.recall(past);
       else if (begins && this.at > 0) [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
       const who = stage.policies.map((name) => whoIs(name, this.agents));
-      if (strangers.length) this.notes.push({ kind: "strangers", strangers, who, city: mission.city.name });
+      this.notes.push(...notes.map((each) => ({ ...each, who, city: stage.mission.city.name })));
       if (others) this.notes.push({ kind: "others", file: file.name });
     },
     async save({ what }) {
@@ -487,14 +490,14 @@ export class Session {
   }
 
   /** The stage of a file or a link: a stage, a mission, a city's picture, or an agent. */
-  async opened(file, link, strangers) {
-    if (link) return readFile(await textOfLink(link), this.shelf, strangers);
+  async opened(file, link, notes) {
+    if (link) return readFile(await textOfLink(link), this.shelf, notes);
     if (file.size > 40_000_000) throw new InputError("this file is too large");
     if (/\.png$/i.test(file.name)) {
       const city = await cityOfPicture(file);
       return overCity(this.stage, city, this.shelf);
     }
-    if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf, strangers);
+    if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf, notes);
     const name = file.name.replace(/\.safetensors$/i, "");
     const agent = readAgent(new Uint8Array(await file.arrayBuffer()));
     this.agents[name] = givenAgent(name, agent);

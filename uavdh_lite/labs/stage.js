@@ -21,7 +21,7 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
     ${CONTROLS}
     <div class="actions">
       <select data-set="city" aria-label="city"></select>
-      ${button("New", { kind: "new" }, 'title="a new random mission"')}
+      ${button("New", { kind: "new" }, 'title="the next random mission; their order is the same for everybody"')}
       ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo" title="undo the last change; in Fly, the last move"')}
       ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo" title="redo it"')}
       <button type="button" class="copy" data-name="Link">Link</button>
@@ -96,7 +96,13 @@ export function draw(el, model) {
     },
     fill(selector, html) {
       const place = find(selector);
-      if (place && place.written !== html) [place.written, place.innerHTML] = [html, html];
+      if (!place || place.written === html) return;
+      [place.written, place.innerHTML] = [html, html];
+      const words = new Set(); // those that Tab has come to: each explains itself once
+      for (const term of el.querySelectorAll(".tool .term")) {
+        term.tabIndex = words.has(term.ariaLabel) ? -1 : 0;
+        words.add(term.ariaLabel);
+      }
     },
     /** Shifts the map so that a place is in the middle of all that a network sees; null: as it is. */
     centre(place) {
@@ -137,6 +143,7 @@ export function draw(el, model) {
     /** Opens a link's part of an address, or a text that ends with it; `here` if the address is there already. */
     openLink(text, here = false) {
       const there = text.split(LINK)[1]?.trim();
+      if (there && !here) find(".drawer").close();
       if (there) stage.ask({ kind: "open", link: there, here });
       else if (text) stage.refuse(`Not done: ${here ? "this address" : "this"} is not a link to a page of the labs, which has letters after #${LINK}.`);
       return Boolean(there);
@@ -222,10 +229,11 @@ export function draw(el, model) {
       map.setAttribute("aria-label", `map: ${cursor}`);
     }
     for (const start of el.querySelectorAll(".map g:has(> g > .start)")) start.dataset.device = -1;
+    for (const bar of el.querySelectorAll(".flight ~ .flight .bar")) bar.removeAttribute("tabindex"); // the first map's do the same
     for (const thing of el.querySelectorAll(".map g[data-device]")) {
       const k = Number(thing.dataset.device);
       const [name, [row, col]] = k < 0 ? ["start", scene.state.start] : [`device ${k}`, film.devices[k].cell];
-      thing.setAttribute("tabindex", "0");
+      thing.setAttribute("tabindex", thing.closest(".flight ~ .flight") ? "-1" : "0");
       thing.setAttribute("role", "button");
       thing.setAttribute("aria-label", `${name}, row ${row}, column ${col}; arrows move it`);
     }
@@ -340,8 +348,9 @@ export function draw(el, model) {
 
   function captions() {
     const { parting, why, verdict, results, many } = scene.panel;
-    const home = many && many.map(({ who, both }) => `${who.subject} brings ${both[0]} %`).join(" and ");
-    const often = home ? ` Over 100 random missions, ${home} of the data home.` : "";
+    const home = many?.map(({ who, both }) => `${who.subject} brings ${both[0]} %`).join(" and ");
+    const [other, lead] = many ? [many[1].who.subject, many[1].both[0] - many[0].both[0]] : []; // the first wins this mission
+    const often = home ? ` Over 100 random missions, ${home} of the data home${lead > 0 ? `, so on average ${other} is ahead` : ""}.` : "";
     return [
       [0, "Two drones, one mission: collect the devices' data, and land on a blue cell in time."],
       [parting ?? 0, `Here they part for good. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
@@ -352,7 +361,7 @@ export function draw(el, model) {
 
   function tellStory(time, playing) {
     if (!story) return;
-    const [, text] = captions().filter(([from]) => from <= time).at(-1);
+    const [from, text] = captions().filter(([from]) => from <= time).at(-1);
     const caption = find(".caption");
     const end = time >= clock.now.last;
     caption.hidden = false;
@@ -369,7 +378,7 @@ export function draw(el, model) {
       story.reads = false;
       clock.show(clock.now.time, true);
     };
-    setTimeout(() => clock.show(time, false));
+    setTimeout(() => clock.show(from, false)); // between two steps the counter is already at the next
     setTimeout(go, Math.max(6500, 70 * text.length)); // time to read it
   }
 

@@ -5,7 +5,7 @@
 import { bytesOf } from "./pilots.js";
 import { ACTIONS, City, InputError, MAX_SIZE, Mission, kept, missionFromJson, require, sum } from "./world.js";
 
-const FORMAT = "uavdh_lite stage";
+const [FORMAT, VERSION] = ["uavdh_lite stage", 1];
 const PAINTS = "Black is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
 const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
 export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
@@ -95,22 +95,24 @@ const written = new WeakMap(); // missions as JSON
 
 /** What the saved file holds. */
 export const stageAsJson = ({ mission, ...look }) =>
-  ({ format: FORMAT, version: 1, ...look, mission: kept(written, mission, () => mission.asJson()) });
+  ({ format: FORMAT, version: VERSION, ...look, mission: kept(written, mission, () => mission.asJson()) });
 
 /**
  * The stage of a saved file, or of a mission's file.
- * @param {string[]} strangers takes the names of rivals that cannot fly here
+ * @param {object[]} notes takes facts about rivals that do not fly
  */
-export function readFile(text, shelf, strangers = []) {
+export function readFile(text, shelf, notes = []) {
   require(text.length <= LARGEST, "this file is too large for a saved page or a mission");
   let values = null;
   try {
     values = JSON.parse(text.replace(/^\ufeff/, ""));
   } catch {
+    require(!/^\s*{/.test(text), "this file is damaged or cut off");
     throw new InputError("this is not a file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)");
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
-  require(values?.format === FORMAT && values.version === 1, "this file holds neither a saved page nor a mission");
+  require(values?.format === FORMAT, "this file holds neither a saved page nor a mission");
+  require(values.version === VERSION, `this file was saved by another version of the labs (${values.version}; this page reads ${VERSION})`);
   const { policies, tool, flown, step, device, held = null, looks: told = {}, point = null } = values;
   const mission = missionFromJson(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
@@ -122,7 +124,9 @@ export function readFile(text, shelf, strangers = []) {
   index(step, "step", -1, mission.flyingTime);
   index(device, "device", 0, mission.devices.length - 1);
   require(held === null || isInside(held, mission.city.size), `held ${JSON.stringify(held)}: no cell of this city`);
-  strangers.push(...policies.filter((name) => !names.includes(name)));
+  const strangers = policies.filter((name) => !names.includes(name));
+  if (strangers.length) notes.push({ kind: "strangers", strangers });
+  else if (policies[0] === policies[1]) notes.push({ kind: "twice" });
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
   require(Object(told) === told, "looks: must be an object");
   const looks = usualLooks(shelf);
@@ -168,7 +172,7 @@ export async function cityOfPicture(file) {
   try {
     return City.fromPixels("my_city", width, height, canvas.getImageData(0, 0, width, height).data);
   } catch ({ message }) {
-    throw new InputError(`${message}. ${PAINTS}`);
+    throw new InputError(`${message.replace("my_city", file.name)}. ${PAINTS}`);
   }
 }
 

@@ -97,7 +97,7 @@ const heads = (first, results) =>
 const average = ({ panel: { many } }) => {
   if (!many) return "";
   const mean = ([middle, low, high]) => `${middle} % <small>${low}–${high}</small>`;
-  return `${heads("mean of 100, 95 % interval", many)}<tbody class="many">
+  return `${heads("mean of 100 random missions, 95 % interval", many)}<tbody class="many">
     ${line(term("collected and landed"), many, ({ both }) => mean(both))}
     ${line(term("landed"), many, ({ landed }) => mean(landed))}
     ${line("time used", many, ({ time }) => `${time} %`)}</tbody>`;
@@ -120,7 +120,7 @@ export const TOOLS = {
       const pad = `<div class="pad">${key("hover", "hover")}${key("north", "↑")}${key("land", "land")}
         ${key("west", "←")}${key("south", "↓")}${key("east", "→")}</div>`;
       const rank = (each, k) => `<tr><td>${k + 1}</td><td>${escaped(each.city)}</td><td>${each.time}</td>
-        <td>${signed(each.ahead)}</td><td>${each.landed ? each.collected.toFixed(1) : "crashed"}</td></tr>`;
+        <td>${signed(each.ahead)} <small>${escaped(each.ghost)}</small></td><td>${each.landed ? each.collected.toFixed(1) : "crashed"}</td></tr>`;
       const table = ranking.length
         ? `<table class="ranking"><caption>Your flights, the best first</caption>
             <tr><th></th><th>city</th><th>time given</th><th>${term("return")} against ghost</th><th>data</th></tr>
@@ -257,7 +257,9 @@ export const TOOLS = {
       if (centred) group.innerHTML += outside(size, name);
       if (name !== "value") stage.fill(".layer-scale", "");
       else if (panel.map?.step !== step) stage.askWhenFree({ kind: "values", step });
-      stage.fill(".meaning", MEANINGS[name] ?? (centred ? CENTRED : ""));
+      const most = Math.max(...film.flights[0].left[0].slice(0, -1));
+      const full = name.startsWith("data ") ? ` Full blue: ${most.toFixed(1)} units.` : "";
+      stage.fill(".meaning", (MEANINGS[name] ?? (centred ? CENTRED : "")) + full);
     },
   },
 

@@ -20,6 +20,7 @@ export const units = (amount) => (amount >= 0.1 || amount === 0 ? amount.toFixed
 export const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
 export const grouped = (number) => number.toLocaleString("en");
 export const RUNS = ["blue", "orange"]; // the runs of a race by their colours
+export const NAME = 40; // letters of a city's name, at most
 export const LONGEST = 500; // units of time that a mission of this page has at most
 export const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap >= 1 ? gap.toFixed(1) : gap.toFixed(2));
 const steps = (count) => (count === 1 ? "1 step" : `${count} steps`);
@@ -128,6 +129,7 @@ const TEMPLATES = {
     `What stood there has moved: ${listed(moved.map(({ thing, cell: [row, col] }) => `${thing} to row ${row}, column ${col}`))}.`,
   strangers: ({ strangers, who, city }) =>
     `${listed(strangers.map((name) => `“${name}”`))} cannot fly over ${city} on this page, so ${listed(who.map(({ subject }) => subject))} do.`,
+  twice: ({ who }) => `A rival cannot fly against itself, so ${listed(who.map(({ subject }) => subject))} do.`,
   others: ({ file }) => `Only ${file} was opened: open one file at a time.`,
 
   // What is odd about a mission or a city
