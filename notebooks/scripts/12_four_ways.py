@@ -311,13 +311,14 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # %% [markdown]
 # - The **guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or
 #   collect little, and even the copies crash in about one mission in ten.
-# - **Telling** helps the copies. Under the guarantee, agents that learn from reward gain nothing here from being told, perhaps
-#   because in a single city a network can also learn by heart what it is not told. Without the guarantee, all three runs of
+# - **Telling** helps the copies. Under the guarantee, agents that learn from reward learn sooner if they are told, but end level
+#   here. (In longer runs with today's program those that are told end ahead, by half a unit of return: see
+#   [the ladder](../docs/results/ladder.md).) Without the guarantee, all three runs of
 #   *tell + learn* crash in nearly every mission.
 # - **Copying** is ahead of learning from reward, with or without the guarantee. With the guarantee
 #   and the told layers, both collect about the same amount, but the copy does so in two thirds of
 #   the flying time, whereas the learner uses nearly all of it.
-# - **Learning**, after copying, adds 0.4 to 1.3 units of return in 73 to 104 seconds.
+# - **Learning**, after copying, adds 0.4 to 1.3 units of return in 72 to 103 seconds.
 #
 # To compare copying with learning, look at the dashed and the solid lines of one colour; to see
 # what the guarantee and the told layers add, compare the colours. Greedy's line is drawn for

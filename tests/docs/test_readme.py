@@ -16,6 +16,7 @@ COLUMNS = 7
 ROWS = {  # of the ladder
     "**imitation agent**": "imitation",
     "**DDQN agent**": "ddqn",
+    "DDQN with a failsafe": "ddqn_told",
     "the paper's method": "plain",
     "greedy": "greedy",
     "teacher": "teacher",
