@@ -313,8 +313,8 @@ print(f"greedy's lead: {lead.mean():.2%}, in the other missions {lead[~never].me
 # %% [markdown]
 # A mean of 96 % does not stand for a thousand flights that bring home 96 % each: without thirteen
 # of them, greedy's lead would be half as large. Most of the thirteen have only two devices, and this
-# is the main reason why the agent falls behind in missions with so few. Longer training cannot mend
-# this fault, whereas a network that reads the whole map could.
+# is the main reason why the agent falls behind in missions with so few. Longer training cannot
+# make the network read the strip, whereas other strides could.
 #
 # ## 10.7 How many missions does a claim need?
 #

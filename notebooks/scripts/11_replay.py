@@ -60,7 +60,7 @@ figure
 #
 # ## 11.1 Four sizes of memory
 #
-# The runs in the picture follow the recipe `small`, with 48,000 steps each and three seeds for each size. The recipe's own memory
+# The runs in the picture follow the recipe `small`, except that learning begins after 250 steps, with 48,000 steps each and three seeds for each size. The recipe's own memory
 # holds 40,000 steps. The cell that drew the picture has already read the runs' final results into a table, which is printed here:
 
 # %%
@@ -85,7 +85,7 @@ for variant, size in SIZES.items():
 # one keeps a step longer but draws it less often.
 #
 # What the size does change is how *old* the drawn steps are. A memory of 250 steps holds about the
-# last 16 steps of each of the 16 UAVs, which is less than a flight. A memory of 40,000 steps holds
+# last 16 steps of each of the 16 UAVs, which is about one flight. A memory of 40,000 steps holds
 # the last 2500 steps of each UAV, more than a thousand flights in all.
 #
 # Is it good or bad to learn from old steps? It is both, as a tiny example shows.
@@ -214,7 +214,8 @@ figure
 # chances (**importance weights**; exercise 11.2).
 #
 # In the village the missions do not change halfway through. But a memory of 250 steps holds only
-# parts of the flights that are in progress at the time. As one flight follows another, the network
+# the flights that are in progress at the time and the ones just before them. As one flight follows
+# another, the network
 # is pulled from one handful of missions to the next, and forgets. That is the likely reason why the
 # runs with this memory fell behind in 11.1.
 #
@@ -345,7 +346,7 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 #
 # - With replay, an agent learns from each step several times, and from the steps of many flights at
 #   once.
-# - A small memory holds only the flights in progress, so the network overwrites what it knew about other missions.
+# - A small memory holds only the latest one or two flights of each UAV, so the network overwrites what it knew about other missions.
 # - With a large memory, a network remembers earlier missions, but adapts more slowly when the world changes.
 # - A network can learn what no input says, such as that walls cost data.
 # - To see what a network looks at, change its input, and compare the effect with that of a control.

@@ -117,12 +117,12 @@ figure
 # %% [markdown]
 # On the right the bright area is wider, because the real street is more open than our 10 m grid
 # says. Beyond its edge the rate falls by a factor of 3 to 60 within one cell, and deep in the
-# shadow it falls by even more. But it does not fall to zero, because waves are bent around the
-# corner or reflected. In white cells the rate is below $10^{-5}$.
+# shadow it falls by even more. In most cells it does not reach zero, because waves are bent
+# around the corner or reflected. In white cells the rate is below $10^{-5}$, or no ray arrives.
 #
 # ## 14.3 Link by link
 #
-# In the next figure each point is a link.
+# Each point below is a link:
 
 # %%
 from uavdh_lite.beyond.measured import distances_m
@@ -142,8 +142,8 @@ figure.axes[0].legend(loc="lower left", markerscale=6)
 figure
 
 # %% [markdown]
-# The left cloud hugs a line, but the right one does not. Fit a straight line in $10\log_{10} d$ to each. Its slope is $-\alpha$, where $\alpha$ is the
-# **path loss exponent**. (Links without a ray are left out.)
+# The left cloud hugs a line, but the right one does not. Fit a straight line in $10\log_{10} d$ to each. Its slope is minus the
+# **path loss exponent** $\alpha$. (Links without a ray are left out.)
 
 # %%
 for kind, state in kinds.items():
@@ -162,12 +162,12 @@ for kind, state in kinds.items():
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB or more, and for a third of them the tracer finds no path.
 # - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for
-#   each device and slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's over 20 to 35 m.
-#   Such fading belongs to the place: fly by again, and the link is as bad as before. It is therefore a *map*,
-#   which could be learned.
+#   each device and slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's, behind buildings, over 20 to 35 m.
+#   Such fading belongs to the place: fly by again, and the link is as bad as before. It is therefore a *map*
+#   that could be learned.
 #
-# Is the model bad, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. Let us
-# therefore compare the rates:
+# Is the model bad, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So
+# compare the rates:
 
 # %%
 from uavdh_lite.channel import rate

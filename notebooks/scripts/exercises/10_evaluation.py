@@ -85,8 +85,8 @@ def needed(share, crashes):
 checks.missions_needed(needed)
 
 # %% [markdown]
-# To show 99 %, each further crash costs another 150 to 180 missions. But do not fly on until the
-# number looks good and then stop, because with such **optional stopping** you would deceive
+# To show 99 %, each of the first three crashes costs another 150 to 180 missions, and later ones a
+# little less. But do not fly on until the number looks good and then stop, because with such **optional stopping** you would deceive
 # yourself. Decide how many missions to fly before the first of them takes off.
 
 # %% [markdown]
