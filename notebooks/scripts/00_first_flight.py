@@ -261,14 +261,14 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # The agent empties the near device and goes home with nearly half of its time unused, although the
 # two devices in the east still hold nearly all of their data. The agent cannot see them: in every
 # step they are 14 or 15 columns east of it, in a strip of the map that its network never reads
-# (5.5). Even this flight ended in a landing zone, as all two thousand did, although nothing forces
+# (5.5). Even this flight ended in a landing zone, as all two thousand did, although nothing forced
 # it to. (A crash would be marked by a red star and would score 0, however much data had been
 # collected.)
 #
 # Does this agent always land, then? Two thousand landings in a row do not prove it. Even a pilot
 # that crashes in one mission out of a thousand would manage such a run about once in seven tries.
 # By the **rule of three**, after $n$ missions without a crash the true share of crashes may still
-# be as large as $3/n$ (with a confidence of 95 %), which is 0.15 % here.
+# be as large as $3/n$ (at 95 % confidence), which is 0.15 % here.
 #
 # ## 0.6 What the agent knows
 #
@@ -299,7 +299,7 @@ for action, value in zip(ACTIONS, q_values):
 # says what a step is and what it earns. Notebooks 4 and 5 show what the network sees and how it
 # computes, and notebooks 6 and 7 how it learns and what can go wrong. Notebook 8 asks what the
 # agent has learned, and in notebook 9 an agent beats greedy. In the exercises you program the main
-# parts of channel, environment and agent yourself.
+# parts of the channel, the environment and the agent yourself.
 #
 # The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
 # In the lab *Fly* you can fly against the agent with the arrow keys.

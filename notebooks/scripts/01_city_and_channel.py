@@ -61,7 +61,7 @@ figure
 
 # %% [markdown]
 # Black means yes. From left to right: May the UAV start and land here? Is it forbidden to fly here?
-# Does a building block the radio here?
+# Does a building here block radio signals?
 #
 # Compare the second layer with the third. A cell that is black in both is a *tall* building: the
 # UAV may not enter it, and it blocks the radio. A cell that is black only in the third layer is a
@@ -115,7 +115,7 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Over a logarithmic distance axis, both path losses are straight lines. Ten times the distance adds
+# Against distance on a logarithmic axis, both path losses are straight lines. Ten times the distance adds
 # 22.7 dB in sight and 36.4 dB behind a building. The gap between the lines is the loss that a
 # building adds. At 100 m this gap is 27.4 dB: the signal is some 550 times weaker.
 #

@@ -138,7 +138,7 @@ assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 # a corner. In a larger city, the ray from (0, 0) to (7, 25) passes exactly through the point at row
 # 3.5 and column 12.5, where four cells meet. In ordinary floating-point numbers `7 / 25 * 12.5` is
 # 3.5000000000000004, so the ray seems to miss this point. Such rays are not rare: in a city made of
-# squares, many meet corners.
+# squares, many rays meet corners.
 #
 # ## 2.2 At a corner
 #

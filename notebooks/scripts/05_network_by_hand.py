@@ -178,7 +178,7 @@ def train(model, x, y, updates=400):
 # - `optimiser = …` makes the optimiser, with the learning rate `lr`. **Adam** divides each weight's
 #   steps by the usual size of the slopes for that weight, so that all weights take steps of similar
 #   length.
-# - `loss = …` is the forward pass, in which PyTorch notes each operation. The loss is a mean over a
+# - `loss = …` is the forward pass, in which PyTorch records each operation. The loss is a mean over a
 #   **minibatch**, because all examples would take longer, and a single one would be too noisy.
 # - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
 #   them.

@@ -63,9 +63,9 @@ for name, recipe in centring(LITE).items():
 #
 # ## 8.2 The paper's figure
 #
-# The figure at the top has the form of the paper's, but here each point is a mean over training
-# flights, in which the agent explores; for its figure, the paper's agent took its best actions.
-# A bin has 5000 steps. Each line is the mean of three runs. The pale band runs from the 0.5th to
+# The figure at the top has the form of the paper's. But each of our points is a mean over the
+# training flights in a bin of 5000 steps, in which the agent explores, whereas the paper's agent
+# always took its best-rated action. Each line is the mean of three runs. The pale band runs from the 0.5th to
 # the 99.5th percentile of their values, which is almost the whole range of the three.
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good

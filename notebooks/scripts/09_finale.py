@@ -202,9 +202,9 @@ for name, values in ladder.items():
 # does not contain 0. (This agent comes from a single training run.) It is called `manhattan` in the
 # library and *imitation agent* in the README; its teacher is the genie with a narrower search. On [the
 # ladder](../docs/results/ladder.md), over 3000 missions, guarded agents that learned from reward
-# alone are level with the rule; if they were also told, they lead by 0.4 units of return. A copy
-# leads by 1.1, and agents with all four gifts by 1.4. Here `manhattan` flies beside greedy and the DDQN agent, all three with the failsafe, over the devices of 0.3 and with 40
-# units of time:
+# alone are level with the rule; those also told what can be computed lead by 0.4 units of return, a
+# copy by 1.1, and agents with all four gifts by 1.4. Here `manhattan` flies beside greedy and the
+# DDQN agent, all with the failsafe, over the devices of 0.3 and with 40 units of time:
 
 # %%
 from uavdh_lite.player import play
@@ -328,7 +328,7 @@ for name, each in flown.items():
 # - A rule that always holds need not be learned; what can be computed can be told to the agent; a
 #   planner can be copied; reward teaches the rest.
 # - With all four gifts, an agent beats the rule in its own city. With reward alone, an agent comes
-#   close to the rule over Manhattan, and over the open field its return is a little higher.
+#   close to the rule over Manhattan, and over the open field its return is a little higher than the rule's.
 # - An agent that learned in thousands of cities can fly over one that was typed a minute ago.
 # - Say what a pilot was told before you compare pilots, and give greedy's result beside every
 #   number.

@@ -318,7 +318,7 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # - **Copying** is ahead of learning from reward, with or without the guarantee. With the guarantee
 #   and the told layers, both collect about the same amount, but the copy does so in two thirds of
 #   the flying time, whereas the learner uses nearly all of it.
-# - **Learning**, after copying, adds 0.4 to 1.3 units of return in 72 to 103 seconds.
+# - **Learning**, after copying, adds 0.4 to 1.3 units of return in 72 to 103 seconds of training.
 #
 # To compare copying with learning, look at the dashed and the solid lines of one colour; to see
 # what the guarantee and the told layers add, compare the colours. Greedy's line is drawn for

@@ -386,7 +386,7 @@ figure
 #
 # ## Further reading
 #
-# - Cobbe, Klimov, Hesse, Kim, Schulman: *Quantifying Generalization in Reinforcement Learning*, ICML 2019: how many levels one must see.
+# - Cobbe, Klimov, Hesse, Kim, Schulman: *Quantifying Generalization in Reinforcement Learning*, ICML 2019: how many levels of a game an agent must train on.
 # - Kirk, Zhang, Grefenstette, Rocktäschel: *A Survey of Zero-shot Generalisation in Deep Reinforcement Learning*, JAIR 2023.
 # - Bresenham: *Algorithm for computer control of a digital plotter*, IBM Systems Journal, 1965.
 # - The page *One agent for any city* on the site, under Results.

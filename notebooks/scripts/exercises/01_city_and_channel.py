@@ -53,8 +53,8 @@ channel = Channel()
 #
 # <details><summary>Another hint</summary>
 #
-# 10 dB more is ten times the power, so the decibels belong in the exponent of a power. What is the
-# base of this power? The 1 is added to the ratio, and numpy has the logarithm to base 2.
+# Adding 10 dB multiplies the power by ten, so the decibels belong in an exponent. What is its
+# base? The 1 is added to the ratio, and numpy has the logarithm to base 2.
 # </details>
 
 # %%

@@ -296,7 +296,7 @@ for name, shares in RUNS.items():
 # <details><summary>Another hint</summary>
 #
 # First ask whether `time_used < 0.25`, and then whether `landed < 0.9`. If neither holds, look at
-# `collected`: from 0.8 on the agent is "good"; below 0.8 it "wanders".
+# `collected`: at 0.8 or above the agent is "good"; below 0.8 it "wanders".
 # </details>
 
 # %%
