@@ -235,7 +235,7 @@ for metric in scores["random"]:
 # **Greedy** never crashes, because its rule takes it home in time, and it collects nearly
 # everything. In this city it is a strong rival.
 #
-# **The agent** comes close to greedy but does not overtake it. (In the 1000 other missions of
+# **The agent** comes close to greedy but does not overtake it. (In the 1000 missions of
 # notebook 8 the agent does worse than here; that notebook says which result to trust.) Consider
 # what these two pilots were told. Both see the street map, though the agent's network misses a
 # strip of it (5.5). Greedy was also given the shortest routes, and a rule that a person had thought

@@ -298,7 +298,7 @@ for name, ground, exponent in (
 # - Directly above the device, two steps are enough.
 # - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four
 #   steps, because data comes in on the way.
-# - Behind a building, the UAV is only half as far away as down the street, but gets no more than a
+# - Behind a building, the UAV is only half as far away as down the street, but gets about a
 #   tenth as much data.
 # - Round the corner, fetching the data would take longer than any flight lasts.
 #

@@ -129,7 +129,7 @@ figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
 # With 5 units on the clock most UAVs never leave the landing zone. More than half of all UAVs land,
-# but with little data. Nearly all the others hover over the zone until the true time is up, because
+# but with little data. Nearly all the others stay over the zone until the true time is up, because
 # on a clock that stands still the moment to land never comes.
 #
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in

@@ -201,8 +201,8 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # An update raises $Q(s,a)$ towards $y$. In a table nothing else would change. In the network the
 # same weights also determine the values of the neighbouring cells, so those rise, too, and *the
 # next cell $s'$ is a neighbour*. But $y$ is computed from the values of $s'$, so by moving towards
-# the target the network has pushed the target away. Next time it takes a longer step, and pushes
-# harder.
+# the target the network has pushed the target away. Next time the gap is wider, and the chase
+# continues.
 #
 # Three things have come together: a network that generalises, targets made from its own estimates
 # (**bootstrapping**), and learning off-policy. Together they are the *deadly triad*: no theorem

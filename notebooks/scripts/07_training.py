@@ -226,15 +226,15 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, crashing.validation_rows, "a crash costs nothing")
 
 # %% [markdown]
-# The agent collects data, but brings little or nothing home. Nothing is wrong with the learning:
-# the agent did what we asked for. The reward was wrong.
+# The agent collects data but brings hardly any home. After 48,000 steps it collects nearly
+# everything and still does not land, because landing earns it too little. The reward was wrong.
 #
 # What if an agent hovers in one place until its time is up? Print its Q-values there (0.6). If they
-# are almost equal, the agent has not yet learned to tell the actions apart. If the value of flying
+# are almost equal, the agent cannot yet tell the actions apart. If the value of flying
 # on is too low, the agent has explored too little or fears the crash too much. If the values are
 # right, hovering is what the reward pays for.
 #
-# Could one help the agent with a bonus for every step towards home? If coming nearer is rewarded
+# Could a bonus for every step towards home help? If coming nearer is rewarded
 # and going away costs nothing, the agent can earn the bonus for ever by flying to and fro (**reward
 # hacking**). A safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on
 # the state alone and is 0 after the end of the episode. This bonus is paid as the agent approaches

@@ -180,7 +180,7 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 #
 # Our agent brought home 97 % of the data in notebook 0. Is that good? The paper's agent brought
 # home 94.6 %, but over another map, so we need *baselines*, other pilots that fly the same
-# missions. Here is what `random`, `greedy` and the agent brought home in 1000 other missions:
+# missions. Here is what `random`, `greedy` and the agent brought home in another 1000 missions:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -301,7 +301,7 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # | question | what these runs say |
 # | --- | --- |
 # | Does an agent learn sooner with the centred map? | Very likely, judged by *collected and landed*, in this city and with this recipe |
-# | Is it better in the end? | Open: every centred run ended slightly ahead of all the others, but three runs of each kind cannot settle the question |
+# | Is it better in the end? | Open: by return every centred run ended slightly ahead of the others, but three runs of each kind cannot settle the question |
 # | Is the paper's larger gap wrong? | These runs cannot say: that gap comes from another recipe and other maps |
 # | Is the recipe fair to both kinds? | Not quite: we tuned the recipe with the centred map |
 # | Is the gap due to the centring alone? | Open: the city in place shows the UAV's position differently, as a single 1, and the strip that neither network reads (5.5) contains only rim |

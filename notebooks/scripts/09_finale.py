@@ -163,8 +163,8 @@ figure
 # ## 9.5 Learn on
 #
 # A copy makes small mistakes, and each of them takes the copy to states in which it never saw the
-# genie act; there it makes larger mistakes. Asking the genie what to do in those states repairs
-# some of the damage (notebook 12). And the genie itself is not perfect: it plans without fading, so
+# genie act; there it makes larger mistakes. Asking the genie what to do in those states is
+# meant to mend this (notebook 12). And the genie itself is not perfect: it plans without fading, so
 # it does not reckon with luck. Reward can teach what the genie does not know.
 #
 # The agent therefore now learns from its own flights. It flies each mission several times, drawing
@@ -244,7 +244,7 @@ play(world, {name: mission.fly(world, find_policy(name, world)).trajectory(0) fo
 # of cities, with one of them drawn for each mission? The agent `any_city` learned in 3000 cities,
 # with the four gifts. It hardly knows these cities by heart: its return is about 2 units above
 # greedy's there as in new cities. Type a city, and let the agent fly over it. `L` is a landing zone,
-# `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16 × 16 cells will do:
+# `N` a no-fly zone, `B` a building, and a dot a free cell. Any square up to 16 × 16 will do:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -306,13 +306,13 @@ for name, each in flown.items():
 #
 # ## 9.8 Your turn
 #
-# The course ends with something of your own: [the project](project/project.ipynb). Choose a city or
+# The course ends with your own [project](project/project.ipynb). Choose a city or
 # a reward, write down what you expect, train with three seeds, and report, on one page, a paired
 # interval against greedy. The project's notebook is a template that runs as it is; two finished
 # projects stand beside it, one better than the other.
 #
 # And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a
-# planner or the network of exercise 7.1. Your score is the pilot's result on the *practice set*, a
+# planner or the network of exercise 7.1 (with `--scenario village`). Your score is the pilot's result on the *practice set*, a
 # set of missions that is the same for everybody:
 #
 # ```text

@@ -103,8 +103,8 @@ for way in (habit, stream):
 # With this habit, the run with seed 1 trains on the very missions by which the agent of seed 0 is
 # chosen, and two runs that should be independent share their luck.
 #
-# The library makes every generator with `stream(use, seed)`. The use and the seed go into numpy's `SeedSequence` as two separate
-# numbers and are never added, so no two uses share a stream, whatever the seeds.
+# The library makes the generators of training, validation and test with `stream(use, seed)`. The use and the seed go into numpy's `SeedSequence` as two separate
+# numbers and are never added, so no two of these uses share a stream, whatever the seeds.
 #
 # A second mistake is subtler. If a policy drew its actions from the generator that also draws the
 # missions, a long flight would use up more numbers than a short one, so the next mission would depend
