@@ -112,6 +112,22 @@ def test_an_event_changes_what_it_names_and_nothing_else(tell):
     assert tell("look", device=0)["state"]["device"] == 0
 
 
+def test_a_drag_is_one_change_and_none_if_it_ends_on_a_building(tell):
+    before = tell("fly", action="hover")
+    building = [2, 4]
+    for cell in ([7, 7], building, [7, 6]):
+        there = tell("move", device=0, cell=cell, drag=1)["state"]["devices"][0]["cell"]
+        assert there == ([7, 7] if cell == building else cell)
+    back = tell("move", device=0, cell=building, drag=1, ends=True, refused="is a building")
+    assert mission_of(back) == mission_of(before) and back["state"]["flown"] == "h"
+    assert len(back["past"]["stages"]) == len(before["past"]["stages"])
+    tell("move", device=0, cell=building, drag=2, ends=True, refused="is a building")
+    for cell in ([7, 7], [7, 6]):
+        after = tell("move", device=0, cell=cell, drag=3)
+    assert len(after["past"]["stages"]) == len(before["past"]["stages"]) + 1
+    assert mission_of(tell("undo", by=-1)) == mission_of(before)
+
+
 def test_undo_brings_a_mission_back_and_redo_takes_it_again(tell):
     before = mission_of(tell("new"))
     after = mission_of(tell("new"))
@@ -164,10 +180,11 @@ def test_undo_takes_back_moves_of_the_flight_in_fly_and_elsewhere_the_mission(
 @pytest.mark.parametrize(
     ("kind", "values", "said"),
     [
-        ("move", {"device": 0, "cell": [2, 4]}, "stands on a building"),
-        ("move", {"device": 0, "cell": [0, 0]}, "stands in the landing zone"),
+        ("move", {"device": 0, "cell": [2, 4]},
+         "Not moved: row 2, column 4 is a building. Devices stand on open ground or in"),
+        ("move", {"device": 0, "cell": [0, 0]}, "row 0, column 0 is a landing zone."),
         ("move", {"device": 0, "cell": [-1, 0]}, "outside the city of 8 × 8 cells"),
-        ("move", {"device": -1, "cell": [2, 4]}, "a building"),
+        ("move", {"device": -1, "cell": [2, 4]}, "building. The start may be wherever"),
         ("data", {"device": 0, "value": -1}, "must be 0 to below"),
         ("time", {"value": 0}, "flying time 0: must be at least 1"),
         ("time", {"value": 501}, "this page allows at most 500 units of time"),
@@ -183,7 +200,8 @@ def test_what_cannot_be_is_refused_with_the_reason_and_changes_nothing(tell, kin
 def test_painting_moves_what_stands_there_to_the_nearest_cell(tell):
     tell("city", name="empty 8 × 8")
     scene = tell("paint", cells=[[5, 5], [5, 6]], sign="B")
-    assert scene["film"]["city"][5] == ".....BB." and scene["state"]["city"] == "my_city"
+    name = scene["state"]["city"]
+    assert scene["film"]["city"][5] == ".....BB." and name.startswith("my_city")
     again = tell("paint", cells=[[5, 5]], sign="B")
     assert again["state"] == scene["state"] and again["version"] == scene["version"]
     row, col = scene["state"]["devices"][0]["cell"]
@@ -197,6 +215,11 @@ def test_painting_moves_what_stands_there_to_the_nearest_cell(tell):
     other = walls["state"]["start"]
     assert other != start and max(other) <= 1  # another landing cell
     assert walls["note"] == moved.format("the start", *other)
+    tell("city", name="empty 12 × 12")
+    second = tell("paint", cells=[[5, 5]], sign="B")["state"]  # the first one is kept
+    assert {name, second["city"]} <= {*second["cities"]} and name != second["city"]
+    assert tell("city", name=name)["film"]["city"] == walls["film"]["city"]
+    assert tell("paint", cells=[[7, 7]], sign="B")["state"]["city"] == name
 
 
 def test_what_is_wrong_with_a_mission_is_said(tell):
@@ -237,7 +260,8 @@ def test_a_flight_by_hand_is_the_mission_flown_so_and_is_ranked_at_its_end(tell)
     assert landed == [True, False]  # the best first
     tell("policy", which=0, name="you")
     assert tell("tool", tool="compare")["panel"]["verdict"].startswith("Greedy wins")
-    tell("duel", wanted=1, refused="a duel needs two agents")
+    for kind in ("duel", "many"):  # your flight is of this mission alone
+        tell(kind, wanted=1, refused="choose two agents, because your flight")
     assert tell("new")["panel"]["why"] == []  # the flight of a new mission has not begun
 
 

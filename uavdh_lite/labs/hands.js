@@ -10,6 +10,7 @@ export function attend(stage) {
   const maps = () => [...el.querySelectorAll(".map svg")]; // each answer may draw them anew
   const tool = () => TOOLS[stage.scene.state.tool];
   let drag = null; // what is dragged, over which map, and the cell that it has come to
+  let drags = 0; // how many there were
 
   const cellAt = (event) => {
     const svg = event.target.closest?.(".map")?.querySelector("svg") ?? (drag && maps()[drag.map]);
@@ -52,7 +53,7 @@ export function attend(stage) {
     if (!painting && (thing === null || name === "watch")) return;
     event.preventDefault();
     main.setPointerCapture(event.pointerId);
-    drag = { thing, at: cell, map: maps().indexOf(event.target.closest(".map").querySelector("svg")) };
+    drag = { thing, at: cell, number: (drags += 1), map: maps().indexOf(event.target.closest(".map").querySelector("svg")) };
     if (!painting) return;
     brush.cells = [];
     stroke(cell);
@@ -68,7 +69,7 @@ export function attend(stage) {
     stage.hovered = drag.at = cell;
     drag.moves = true;
     if (brush.cells) strokeTo(cell, before);
-    else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
+    else stage.askWhenFree({ kind: "move", device: drag.thing, cell, drag: drag.number });
   };
   main.addEventListener("pointermove", move);
   main.addEventListener("pointerleave", ({ pointerType }) => {
@@ -77,7 +78,8 @@ export function attend(stage) {
   const release = (event) => {
     if (drag && event.type === "pointerup") move(event); // where it is let go is where it stays
     if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
-    else if (drag && !drag.moves && stage.scene.state.tool === "paint") stands(drag.thing);
+    else if (drag?.moves) ask({ kind: "move", device: drag.thing, cell: drag.at, drag: drag.number, ends: true });
+    else if (drag && stage.scene.state.tool === "paint") stands(drag.thing);
     [drag, brush.cells] = [null, null];
   };
   main.addEventListener("pointerup", release);

@@ -129,6 +129,13 @@ export class Session {
     return Object.fromEntries(all.filter(([name]) => !Object.hasOwn(this.shelf.cities, name)));
   }
 
+  /** The name of a painted city: its own if it has one, else the next that no other has. */
+  paintedName(name = this.stage.mission.city.name) {
+    if (/^my_city(_\d+)?$/.test(name)) return name;
+    const taken = this.history.slice(0, this.at + 1).map(({ mission }) => mission.city.name);
+    for (let k = 1; ; k += 1) if (!taken.includes((name = k > 1 ? `my_city_${k}` : "my_city"))) return name;
+  }
+
   /** Does what the page tells, or says why it was not done. */
   async hear(told) {
     if (!BESIDE.includes(told.kind)) this.work = null;
@@ -172,7 +179,7 @@ export class Session {
       panel: { ...this.panel(flights), ...this.extra },
       place: hangar.place && sentence({ kind: "place", ...hangar.place }),
       warnings: stage.tool === "watch" ? [] : warnings(hangar.environment, stage.mission).map(sentence), // it is about the village
-      refused,
+      refused: refused && `Not ${kind === "move" ? "moved" : "done"}: ${refused}.`,
       note: this.notes.splice(0).map(sentence).join(" "),
       number,
       quiet: quiet || BESIDE.includes(kind), // no action of the reader
@@ -202,6 +209,13 @@ export class Session {
       undo: Boolean(this.history[this.next(-1)]),
       redo: Boolean(this.history[this.next(1)]),
     };
+  }
+
+  /** The two that fly any mission. */
+  get pair() {
+    const { policies } = this.stage;
+    require(!policies.includes(YOU), "choose two agents, because your flight belongs to this mission");
+    return policies;
   }
 
   get ghost() {
@@ -297,8 +311,8 @@ export class Session {
     require(city.name.length <= NAME, `city.name: at most ${NAME} letters fit here`);
     require(flyingTime <= LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST} units of time`);
     if (stage.mission !== mission || stage.flown !== flown) {
-      const soon = this.last[0] === kind && performance.now() - this.last[1] < TOGETHER;
-      const at = this.at + (soon && ["move", "data", "time"].includes(kind) ? 0 : 1);
+      const soon = ["move", "data", "time"].includes(kind) && performance.now() - this.last[1] < TOGETHER;
+      const at = this.at + (this.last[0] === kind && (soon || kind.startsWith("drag")) ? 0 : 1);
       const before = kind === "open" ? [...stage.flown] : []; // the moves of a flight that was opened
       const moves = before.map((_, k) => ({ ...stage, flown: stage.flown.slice(0, k) }));
       this.history = [...this.history.slice(0, at), ...moves, stage].slice(-KEPT);
@@ -370,6 +384,20 @@ export class Session {
       if (there.mission !== mission) this.show({ ...there, tool, looks, point: null });
       else this.stage = { ...this.stage, flown: there.flown };
     },
+    /** A drag is one change; if it ends where nothing may stand, there was none. */
+    move(told) {
+      const kind = told.drag ? `drag ${told.drag}` : "move";
+      try {
+        this.take(CHANGES.move(this.stage, told, this.shelf), kind);
+      } catch (error) {
+        if (kind !== "move" && !told.ends) return; // it goes on
+        if (this.last[0] === kind && kind !== "move") {
+          this.does.undo.call(this, { by: -1 });
+          this.history = this.history.slice(0, this.at + 1);
+        }
+        throw error;
+      }
+    },
     fly(told) {
       const { stage, hangar } = this;
       if (numbers(hangar.flight(YOU, stage.flown)).ended) throw new InputError("this flight is over: press Again");
@@ -384,9 +412,7 @@ export class Session {
     },
     /** The next mission in which the first policy wins (1), loses (−1), or is level (0). */
     async duel({ wanted }) {
-      const { stage, hangar } = this;
-      const pair = stage.policies;
-      require(!pair.includes(YOU), "a duel needs two agents, because your flight belongs to this mission");
+      const { stage, hangar, pair } = this;
       const { city, seed } = stage.mission;
       const found = await this.long("Looking for a duel", async (turn) => {
         for (let k = 1; k <= TRIES; k += 1) {
@@ -401,14 +427,12 @@ export class Session {
     },
     /** The means of both policies over a hundred random missions, with their intervals. */
     async many({ quiet }) {
-      const { stage, hangar } = this;
-      const { city } = stage.mission;
-      const names = stage.policies.map((name) => (name === YOU ? "greedy" : name));
-      const rows = names.map(() => []);
+      const { stage: { mission: { city } }, hangar, pair } = this;
+      const rows = pair.map(() => []);
       await this.long(quiet ? "" : `Flying ${MISSIONS} missions`, async (turn) => {
         for (let k = 0; k < MISSIONS; k += 1) {
           const mission = randomMission(city, FIRST + k, this.shelf);
-          for (const [which, name] of names.entries()) {
+          for (const [which, name] of pair.entries()) {
             rows[which].push(numbers(hangar.fly(mission, name)));
             await turn((k + which / 2) / MISSIONS);
           }
@@ -417,7 +441,7 @@ export class Session {
       const percent = (interval) => interval.map((share) => Math.round(100 * share));
       const many = rows.map((flown, which) => {
         return {
-          who: whoIs(names[which], this.agents),
+          who: whoIs(pair[which], this.agents),
           both: percent(bootstrapInterval(flown.map((each) => Number(each.landed) * each.share))),
           landed: percent(wilsonInterval(flown.map((each) => Number(each.landed)))),
           time: percent(bootstrapInterval(flown.map((each) => each.timeUsed)))[0],
@@ -446,7 +470,7 @@ export class Session {
     paint(told) {
       const places = ({ mission }) => [...mission.devices, mission.start];
       const before = places(this.stage);
-      this.take(CHANGES.paint(this.stage, told, this.shelf), "paint");
+      this.take(CHANGES.paint(this.stage, { ...told, name: this.paintedName() }, this.shelf), "paint");
       const moves = places(this.stage).map((cell, thing) => ({ thing: thing < before.length - 1 ? `device ${thing}` : "the start", cell }));
       const moved = moves.filter(({ cell }, k) => String(cell) !== String(before[k]));
       if (moved.length) this.notes.push({ kind: "moved", moved });
@@ -494,7 +518,7 @@ export class Session {
     if (link) return readFile(await textOfLink(link), this.shelf, notes);
     if (file.size > 40_000_000) throw new InputError("this file is too large");
     if (/\.png$/i.test(file.name)) {
-      const city = await cityOfPicture(file);
+      const city = await cityOfPicture(file, this.paintedName(""));
       return overCity(this.stage, city, this.shelf);
     }
     if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf, notes);

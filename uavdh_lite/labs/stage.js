@@ -402,7 +402,7 @@ export function draw(el, model) {
         clearTimeout(slow);
         if (!scene.working) busy("");
       }
-      if (scene.refused) stage.refuse(`Not done: ${scene.refused}.`);
+      if (scene.refused) stage.refuse(scene.refused);
       else if (scene.note || !scene.quiet) stage.refuse(scene.note, true);
       if (brush.cells) return; // a stroke is drawn until it is over
       if (!waiting.length) askNext(); // it is computed while this is drawn

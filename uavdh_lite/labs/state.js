@@ -160,8 +160,8 @@ export async function textOfLink(link) {
   }
 }
 
-/** The city of a picture, a PNG with one pixel a cell. */
-export async function cityOfPicture(file) {
+/** The city of a picture, a PNG with one pixel a cell, under a name. */
+export async function cityOfPicture(file, name) {
   const exact = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const picture = await createImageBitmap(file, exact).catch(() => null);
   require(picture, "this is not a readable PNG, or it is damaged");
@@ -170,9 +170,9 @@ export async function cityOfPicture(file) {
   const canvas = new OffscreenCanvas(width, height).getContext("2d");
   canvas.drawImage(picture, 0, 0);
   try {
-    return City.fromPixels("my_city", width, height, canvas.getImageData(0, 0, width, height).data);
+    return City.fromPixels(name, width, height, canvas.getImageData(0, 0, width, height).data);
   } catch ({ message }) {
-    throw new InputError(`${message.replace("my_city", file.name)}. ${PAINTS}`);
+    throw new InputError(`${message.replace(name, file.name)}. ${PAINTS}`);
   }
 }
 
@@ -211,8 +211,14 @@ const change = (stage, shelf, changes) => withMission(stage, stage.mission.with(
 export const CHANGES = {
   /** Moves a device, or with −1 the start. */
   move(stage, { device, cell }, shelf) {
+    const { city, devices, start } = stage.mission;
+    if (String(cell) === String(devices[device] ?? start)) return stage;
+    const number = isInside(cell, city.size) ? city.cell(cell) : -1; // what lies outside, the mission refuses
+    const zone = device < 0 ? city.noFly[number] && "no-fly" : city.landing[number] && "landing";
+    const what = city.buildings[number] ? "building" : zone && `${zone} zone`;
+    require(!what, `row ${cell[0]}, column ${cell[1]} is a ${what}. ${device < 0
+      ? "The start may be wherever the UAV may fly" : "Devices stand on open ground or in a no-fly zone"}`);
     if (device < 0) return change(stage, shelf, { start: cell });
-    const { devices } = stage.mission;
     const there = devices.findIndex((each, k) => k !== device && String(each) === String(cell));
     require(there < 0, `device ${device} cannot stand at row ${cell[0]}, column ${cell[1]}: device ${there} is there`);
     return change(stage, shelf, { devices: put(devices, device, cell) });
@@ -245,11 +251,11 @@ export const CHANGES = {
   see: (stage, { name, value }) =>
     ({ ...stage, looks: { ...stage.looks, [name]: value }, point: name === "runs" ? null : stage.point }),
   /** Paints cells with one of the city's signs. */
-  paint(stage, { cells, sign }, shelf) {
+  paint(stage, { cells, sign, name }, shelf) {
     const rows = stage.mission.city.rows.map((row) => [...row]);
     if (cells.every(([row, col]) => rows[row][col] === sign)) return stage;
     for (const [row, col] of cells) rows[row][col] = sign;
-    const city = City.fromText("my_city", rows.map((row) => row.join("")).join("\n"));
+    const city = City.fromText(name, rows.map((row) => row.join("")).join("\n"));
     return withMission(stage, repainted(stage.mission, city), shelf);
   },
 };

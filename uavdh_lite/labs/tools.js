@@ -102,7 +102,10 @@ const average = ({ panel: { many } }) => {
     ${line(term("landed"), many, ({ landed }) => mean(landed))}
     ${line("time used", many, ({ time }) => `${time} %`)}</tbody>`;
 };
-const manyButton = button("100 missions", { kind: "many" });
+/** What two agents can do; a flight by hand has its own mission alone. */
+const forAgents = ({ state: { policies } }, name, html) =>
+  policies.includes("you") ? `${name}: choose two agents, because your flight belongs to this mission.` : html;
+const manyButton = (scene) => forAgents(scene, "100 missions", button("100 missions", { kind: "many" }));
 
 export const ARROWS = { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west" };
 export const WAYS = { north: [-1, 0], east: [0, 1], south: [1, 0], west: [0, -1] };
@@ -181,11 +184,10 @@ export const TOOLS = {
       const ring = parting === null ? "" : `<small>Orange ring: where each is before step ${parting + 1}.</small>`;
       return `<h2>${explained(verdict)}</h2><p class="why">${explained(why.join(" "))}</p>
         <div class="row">${go}</div>
-        <div class="row">Find a duel: ${results.some(({ who }) => who.you)
-          ? "choose two agents, because your flight belongs to this mission."
-          : duel(`${first} wins`, 1) + duel(`${second} wins`, -1) + duel("nearly level", 0)}</div>
+        <div class="row">${forAgents(scene, "Find a duel",
+          `Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)}`)}</div>
         ${choosePolicies(scene, "left", "right")}
-        <table>${flown}${average(scene)}</table><div class="row">${manyButton}${ring}</div>`;
+        <table>${flown}${average(scene)}</table><div class="row">${manyButton(scene)}${ring}</div>`;
     },
     over({ film, panel }, k) {
       if (panel.parting === null) return "";
@@ -326,7 +328,7 @@ export const TOOLS = {
         move with the arrow keys and paint with space. Violet cells are those that a device at the pointer could
         not see: its ${term("shadow")}. Low buildings cast one, too, though a UAV may fly over them.</p>
         <div class="swatches">${all.map(swatch).join("")}</div>
-        <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
+        <div class="row">${manyButton(scene)}${button("Save as PNG", { kind: "save", what: "png" })}</div>
         <table>${average(scene)}</table>
         ${choosePolicies(scene, "first", "second")}`;
     },
