@@ -564,9 +564,11 @@ def test_a_reload_loses_nothing_that_was_done_shortly_before(browser, address):
             page.keyboard.press("ArrowDown")
         reloaded(3)
         paint_a_wall(page)
+        page.locator("[data-sign='N']").click()
         page.reload()
         city, undo = page.locator("[data-set='city']"), page.locator(".undo")
         expect(city).to_have_value("my_city")
+        expect(page.locator("[data-sign='N']")).to_have_attribute("aria-pressed", "true")
         expect_the_wall(page)
         undo.click()
         expect(city).to_have_value("empty 8 × 8")
@@ -574,6 +576,7 @@ def test_a_reload_loses_nothing_that_was_done_shortly_before(browser, address):
         choose(page, "city", "village")
         expect(city).to_have_value("village")
         page.reload()
+        expect(city).to_have_value("village")
         choose(page, "city", "my_city")  # is still in the list
         expect_the_wall(page)
         for there in ("village", "my_city", "empty 8 × 8"):
@@ -684,8 +687,21 @@ def test_an_address_opens_the_same_in_another_browser(browser, address, page):
             said = "the flying time must be a whole number from 1 to 500"
             expect(other.locator(".refusal")).to_contain_text(said)
             expect(time).to_have_value(before)
+        time.fill("501")
+        time.press("Tab")
+        expect(other.locator("[data-field='time']:focus")).to_have_value(before)
         field, notice = (each.bounding_box() for each in (time, other.locator(".refusal")))
         assert 0 <= notice["y"] - field["y"] - field["height"] < 20  # beside it
+        for remove in reversed(other.locator(".devices button").all()[1:]):
+            remove.press("Enter")
+            expect(remove).to_have_count(0)
+            expect(other.locator("[data-set='place']:focus")).to_have_count(1)
+        there = other.locator("[data-set='link']")
+        there.fill(f"“{page.url[:90]} {page.url[90:]}.”")  # as a mail has it
+        there.press("Enter")
+        expect(other.locator(".map g[data-device='0']")).to_have_attribute("aria-label", label)
+        expect(other.locator(".devices button")).not_to_have_count(1)
+        expect(other.locator(".drawer")).to_be_hidden()
 
 
 def test_back_returns_to_the_mission_and_the_tool_before(page):
@@ -717,9 +733,10 @@ def test_files_are_saved_opened_and_dropped(page, tmp_path):
     chooser.value.set_files(tmp_path / "stage.json")
     expect(page.locator("[data-set='city']")).to_have_value("manhattan")
     choose(page, "city", "village")
+    press(page, "More")
     page.get_by_label("Open").set_input_files(tmp_path / "stage.json")  # at once
     expect(page.locator("[data-set='city']")).to_have_value("manhattan")
-    page.keyboard.press("Escape")
+    expect(page.locator(".refusal")).to_have_text("stage.json is open.")
     expect(page.locator(".drawer")).to_be_hidden()
     agent = (data_folder() / "checkpoints" / "open_field_ddqn.safetensors").read_bytes()
     page.locator(".main").evaluate(

@@ -171,13 +171,15 @@ export function attend(stage) {
     }
   });
 
-  function changeField(field, { valueAsNumber: value, validity, min, max, step, labels }) {
+  function changeField(field, target) {
+    const { valueAsNumber: value, validity, min, max, step, labels } = target;
     const [name, place] = field.split(" ");
     const device = Number(place);
     const what = `${labels[0].textContent.trim()}${place ? ` of ${device < 0 ? "the start" : `device ${device}`}` : ""}`;
     for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
     if (!validity.valid) {
-      stage.paint();
+      target.value = target.defaultValue;
+      setTimeout(() => target.focus()); // Tab has left it by then
       stage.refuse(`Not done: the ${what} must be ${step === "any" ? "a" : "a whole"} number from ${min} to ${max}.`);
     } else if (name === "data") ask({ kind: "data", device, value });
     else if (!place) ask({ kind: name, value });

@@ -487,7 +487,7 @@ export class Session {
       else if (begins && this.at > 0) [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
       const who = stage.policies.map((name) => whoIs(name, this.agents));
       this.notes.push(...notes.map((each) => ({ ...each, who, city: stage.mission.city.name })));
-      if (others) this.notes.push({ kind: "others", file: file.name });
+      if (file?.name && (others || !notes.length)) this.notes.push({ kind: others ? "others" : "opened", file: file.name });
     },
     async save({ what }) {
       const { stage } = this;

@@ -142,8 +142,7 @@ export function draw(el, model) {
     },
     /** Opens a link's part of an address, or a text that ends with it; `here` if the address is there already. */
     openLink(text, here = false) {
-      const there = text.split(LINK)[1]?.trim();
-      if (there && !here) find(".drawer").close();
+      const there = text.split(LINK)[1]?.replace(/%..|[^\w-]/g, ""); // a mail adds full stops, quotes and line breaks
       if (there) stage.ask({ kind: "open", link: there, here });
       else if (text) stage.refuse(`Not done: ${here ? "this address" : "this"} is not a link to a page of the labs, which has letters after #${LINK}.`);
       return Boolean(there);
@@ -250,12 +249,14 @@ export function draw(el, model) {
     const named = { device, ask: asks, set, sign, field };
     const [name, value] = Object.entries(named).find(([, each]) => each !== undefined) ?? [];
     const map = focused?.matches(".map svg");
+    const inDrawer = focused?.closest(".drawer");
     const where = focused?.closest("svg") ? "svg " : focused?.closest(".side") ? ".side " : "";
     const lost = () => !el.contains(document.activeElement) || document.activeElement.disabled;
     return () => {
       if (!focused || !lost()) return;
       const same = map ? ".map svg" : name ? `${where}[data-${name}="${CSS.escape(value)}"]` : `.${focused.classList[0]}`;
       if (same !== ".undefined") find(same)?.focus({ preventScroll: true });
+      if (lost() && inDrawer) find("[data-set=place]").focus(); // what had it was removed
       if (lost()) find("#panel").focus({ preventScroll: true });
     };
   }
@@ -292,7 +293,7 @@ export function draw(el, model) {
   const stateNow = () => {
     const { time, playing } = clock.now;
     const asks = [...waiting, ...again, ...next.values()];
-    return { stage: stageNow(), asks, story: story && { step: Math.floor(time), plays: playing || story.reads } };
+    return { stage: stageNow(), asks, sign: brush.sign, story: story && { step: Math.floor(time), plays: playing || story.reads } };
   };
   const opens = () => waiting.some(({ kind }) => kind === "open"); // then this entry is not ours to write
 
@@ -397,6 +398,7 @@ export function draw(el, model) {
       const first = !scene;
       ({ scene } = told);
       if (first) return begin();
+      if (!scene.refused && waiting.some(({ kind, number }) => kind === "open" && number === scene.number)) find(".drawer").close();
       waiting = waiting.filter(({ number }) => number !== scene.number);
       if (!waiting.length) {
         clearTimeout(slow);
@@ -440,7 +442,8 @@ export function draw(el, model) {
     window.addEventListener("pagehide", keepNow);
     document.addEventListener("visibilitychange", keepNow);
     const before = stateBefore();
-    const { story: told, asks = [] } = before ?? {};
+    const { story: told, asks = [], sign } = before ?? {};
+    brush.sign = sign ?? brush.sign;
     if (told) return beginStory(told);
     again = asks;
     if (!openEntry(before)) beginStory();

@@ -130,6 +130,7 @@ const TEMPLATES = {
   strangers: ({ strangers, who, city }) =>
     `${listed(strangers.map((name) => `“${name}”`))} cannot fly over ${city} on this page, so ${listed(who.map(({ subject }) => subject))} do.`,
   twice: ({ who }) => `A rival cannot fly against itself, so ${listed(who.map(({ subject }) => subject))} do.`,
+  opened: ({ file }) => `${file} is open.`,
   others: ({ file }) => `Only ${file} was opened: open one file at a time.`,
 
   // What is odd about a mission or a city
