@@ -79,6 +79,13 @@ def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time(
         (flown(0, 1, 2, 3, left=[9, 9, 8, 8]), flown(0, 10, 20, 30, left=[9, 9, 6.6, 6.6]),
          "At step 1, one flies east and goes home, while two flies south and gets 2.4 units from "
          "device 0 by step 2."),
+        (flown(0, 1, 2, 3, left=[9, 6.5, 6, 6]), flown(0, 10, 20, 30),
+         "one flies east and gets 2.5 units from device 0 in this step, while two flies south and"),
+        (flown(0, 0, 0, 0, 0, 0, 0, 0, left=[9, 8.95, 8.9, 8.85, 8.8, 8.75, 8.7, 6], timeLeft=[0]),
+         flown(0, 10, 10, 10, 10, 10, 10, 10, left=[9] * 8, timeLeft=[0]),
+         "One spends steps 1–6 hovering; two spends steps 2–7 hovering; none of these steps brings "
+         "0.1 units. In the end two leaves 3.0 units more at device 0. At device 0, one collects "
+         "2.7 units in step 7; two collects less than 0.1 units."),
         (flown(0, 1, 2, 3, left=[9, 9, 7.1, 7.1]), flown(0, 10, 20, 30, left=[9, 9, 6.9, 6.9]),
          "At step 1, one flies east, while two flies south."),  # both get it
     ],
@@ -86,7 +93,7 @@ def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time(
 def test_what_is_said_of_a_parting_is_what_both_do(modules, first, second, said):
     script = f"""(both) => {{ {WHO} const part = compare_js.parting(...both, 10);
         return compare_js.reasons([one, two], both, part, 10).map(say); }}"""
-    assert said in modules(script, [first, second])
+    assert said in " ".join(modules(script, [first, second]))
 
 
 def test_steps_without_data_are_counted_and_the_long_stretches_that_lead_nowhere_are_found(modules):
@@ -148,6 +155,8 @@ def test_sentences_speak_to_the_reader(modules):
         devices: [{ device: 0, more: 2.25 }, { device: 2, more: 2 }, { device: 1, more: -1 }],
         loser: { who: you, amount: 0.04, first: -1, last: 9 },
         winner: { who: one, amount: 2.29, first: 4, last: 4 } },
+      { kind: "idles", idlers: [{ who: you, stretches: [[4, 34]], hovers: 31, turns: 0 },
+        { who: one, stretches: [[14, 29]], hovers: 9, turns: 7 }] },
       { kind: "crash", who: one, other: you }]"""
     assert modules(f"() => {{ {WHO} return {facts}.map(say); }}") == [
         "At step 4, you are refused the landing and get 2.8 units from device 1 "
@@ -160,6 +169,8 @@ def test_sentences_speak_to_the_reader(modules):
         "hovering in steps 4–9; you take 3 and 2. Think shows what it expected there.",
         "In the end you leave 2.3 units more at device 0, 2.0 at device 2 and 1.0 less at device 1."
         " At device 0, one collects 2.3 units in step 5; you collect less than 0.1 units.",
+        "You spend steps 5–35 hovering; one spends steps 15–30 hovering or flying to and fro; "
+        "none of these steps brings 0.1 units.",
         "One wins, because the time runs out before you land: all that was collected is lost.",
     ]
 
@@ -199,16 +210,18 @@ def check_duel(scene, wanted):
     check_level(panel["verdict"], names, flights)
     part, why = panel["parting"], " ".join(panel["why"])
     assert panel["why"][0].startswith(f"At step {part + 1}, ") and part in panel["look"]
-    soon = []
+    soon, gifts = [], []
     for flight in flights:
         before = flight["left"][part][:-1]
         given = [[a - b for a, b in zip(before, left[:-1], strict=True)] for left in flight["left"]]
         when = next((k for k in range(part, len(given)) if max(given[k]) >= 2), None)
-        if when is not None:
-            most = max(given[when])
-            soon.append([pytest.approx(most, abs=0.051), given[when].index(most), when])
-    told = re.findall(r"gets ([\d.]+) units from device (\d) by step (\d+)", why)
-    clauses = [[*map(float, each)] for each in told]
+        gifts += [(when, given)] * (when is not None)
+    by = max((when for when, _ in gifts), default=0)  # two amounts are of the same steps
+    for _, given in gifts:
+        most = max(there := given[min(by, len(given) - 1)])
+        soon.append([pytest.approx(most, abs=0.051), there.index(most), by])
+    told = re.findall(r"gets ([\d.]+) units from device (\d) (?:by step (\d+)|in this step)", why)
+    clauses = [[float(amount), int(device), int(step or part + 1)] for amount, device, step in told]
     assert clauses == soon or (not clauses and len({device for _, device, _ in soon}) <= 1)
     moves = [[*pairwise(flight["path"])] for flight in flights]
     ways = [[[b - a for a, b in zip(*move, strict=True)] for move in each] for each in moves]
@@ -224,15 +237,16 @@ def check_duel(scene, wanted):
     if any(named.values()):
         for device, amount in named.items():  # what is not named is little
             more = loser["left"][-1][device] - winner["left"][-1][device]
-            assert more == pytest.approx(amount, abs=0.051 if amount else 0.5)
+            assert more == pytest.approx(amount, abs=0.051 if amount else 0.1)
     part_of = r"At device (\d), (.*?) collects (.*?); (.*?) collects (.*?)\."
     for device, *told in re.findall(part_of + "(?: |$)", why):
         for who, what in zip(told[::2], told[1::2], strict=True):
             left = [each[int(device)] for each in flights[names[1] in who.lower()]["left"]]
             if amount := re.match(r"([\d.]+) units (?:from step (\d+) to|in step) (\d+)", what):
                 begin, end = int(amount[2] or amount[3]) - 1, int(amount[3])
-                assert left[0] - left[-1] == pytest.approx(float(amount[1]), abs=0.051)
-                assert left[begin] - left[end] > left[0] - left[-1] - 0.1  # it comes in these
+                assert left[begin] - left[end] == pytest.approx(float(amount[1]), abs=0.051)
+                brings = [one - other > 0.099 for one, other in pairwise(left)]
+                assert brings[begin] and brings[end - 1] and sum(brings[begin:end]) == sum(brings)
             else:
                 assert what == "less than 0.1 units" and left[0] - left[-1] < 0.1
     ahead = r"; before step (\d+) (.*?) has collected ([\d.]+) units more, in the end (\S+) ?(\w*)"
@@ -248,7 +262,7 @@ def check_duel(scene, wanted):
         assert totals[int(since[3])] < 0.05 <= totals[int(since[3]) - 1]
         assert int(since[3]) < int(since[2])
     for unused in re.findall(r", with (\d+) units? of time unused", why):
-        assert int(unused) == loser["left"][-1][-1] > 0
+        assert int(unused) == loser["left"][-1][-1] >= winner["left"][-1][-1] + 3
     spends = r"ing, (.*?) takes (\d+) .*? and (\d+) that.*?; .*? takes (\d+) and (\d+)\."
     for who, *counts in re.findall(spends, why):
         order = flights if names[1] not in who.lower() else flights[::-1]

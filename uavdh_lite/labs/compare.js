@@ -87,7 +87,8 @@ function gains(who, results) {
 export function reasons(who, flights, part, size) {
   if (flights.some(({ action }) => !action.length)) return [];
   if (part === null) return [{ kind: "same" }];
-  const ends = flights.map((flight, k) => ({ who: who[k], ...towards(flight, part) }));
+  const by = Math.max(...flights.map((flight) => muchSince(flight, part))); // both are looked at for as long
+  const ends = flights.map((flight, k) => ({ who: who[k], ...towards(flight, part, by) }));
   const left = ({ dataLeft }, device, by) => (dataLeft[by] ?? dataLeft.at(-1))[device];
   const both = ends.some(({ device, by }, k) => // the other, of which nothing is said, leaves as little there
     by && !ends[1 - k].by && left(flights[1 - k], device, by) - left(flights[k], device, by) < ENOUGH);
@@ -105,16 +106,21 @@ export function reasons(who, flights, part, size) {
   const [spent, others] = [behind, 1 - behind].map((k) => spentBy(flights[k]));
   if (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG)
     facts.push({ kind: "spends", ...about, spent, others, ...astray(flights[behind]), since: nothingSince(flights[behind]) });
+  else {
+    const idlers = flights.map((flight, k) => ({ who: who[k], ...astray(flight) })).filter(({ hovers, turns }) => hovers + turns >= 2 * LONG);
+    if (idlers.length) facts.push({ kind: "idles", idlers });
+  }
   const more = flights[0].dataLeft.at(-1).map((each, k) => each - flights[1].dataLeft.at(-1)[k]);
   const fewer = sum(more) > 0 ? 0 : 1; // who brings less data
   const devices = Array.from(more, (each, device) => ({ device, more: fewer === 0 ? each : -each }))
-    .filter((each) => Math.abs(each.more) >= ENOUGH)
+    .filter((each) => Math.abs(each.more) >= LITTLE)
     .sort((one, other) => other.more - one.more);
-  if (devices[0]?.more > 0) {
+  if (devices[0]?.more >= ENOUGH) {
     const [{ device }] = devices;
-    const unused = flights[fewer].timeLeft.at(-1);
+    const spare = flights[fewer].timeLeft.at(-1);
+    const unused = spare >= flights[1 - fewer].timeLeft.at(-1) + LONG ? spare : 0; // else it explains nothing
     const [loser, winner] = [fewer, 1 - fewer].map((k) => ({ who: who[k], ...got(flights[k], device) }));
-    facts.push({ kind: "leaves", devices, unused, loser, winner, look: winner.first });
+    facts.push({ kind: "leaves", devices, unused, loser, winner, look: winner.first < 0 ? undefined : winner.first });
   }
   return facts;
 }
@@ -136,11 +142,11 @@ function nothingSince(flight) {
 /** The first step before which all is collected, −1 if there is none. */
 export const emptied = ({ dataLeft }) => dataLeft.findIndex((each) => sum(each) < NONE);
 
-/** What a flight gets from a device: `amount`, and the `first` and `last` step between which it comes, but for LITTLE. */
-function got({ dataLeft }, device) {
-  const amounts = dataLeft.slice(1).map((after) => dataLeft[0][device] - after[device]);
-  const reaches = (amount) => amounts.findIndex((each) => each >= amount);
-  return { amount: amounts.at(-1), first: reaches(LITTLE / 2), last: reaches(amounts.at(-1) - LITTLE / 2) };
+/** What a flight gets from a device from the `first` to the `last` step that bring LITTLE or more, or, if none does, in all. */
+function got(flight, device) {
+  const brings = Array.from(flight.action, (_, k) => givenBy(flight, k, k + 1)[device] >= LITTLE);
+  const [first, last] = [brings.indexOf(true), brings.lastIndexOf(true)];
+  return { amount: givenBy(flight, Math.max(first, 0), last < 0 ? -1 : last + 1)[device], first, last };
 }
 
 /** How many steps bring LITTLE or more and how many do not, without a landing. */
@@ -177,12 +183,18 @@ export function astray(flight) {
   return { stretches: long, hovers: steps.filter(hovers).length, turns: steps.filter((k) => !hovers(k)).length };
 }
 
-/** The device that first gives much, the step by which it has and the amount, or whether it goes straight home. */
-function towards(flight, step) {
-  for (let after = step + 1; after < flight.dataLeft.length; after += 1) {
-    const given = flight.dataLeft[step].map((each, k) => each - flight.dataLeft[after][k]);
-    const most = Math.max(...given);
-    if (most >= MUCH) return { device: given.indexOf(most), by: after, amount: most };
+const givenBy = ({ dataLeft }, step, by) => Array.from(dataLeft[step], (each, k) => each - (dataLeft[by] ?? dataLeft.at(-1))[k]);
+
+/** The step by which a device has given much since another; −1 if none does. */
+const muchSince = (flight, step) =>
+  flight.dataLeft.findIndex((_, by) => by > step && Math.max(...givenBy(flight, step, by)) >= MUCH);
+
+/** The device that gives most up to the step `by`, and the amount, or whether it goes straight home. */
+function towards(flight, step, by) {
+  if (muchSince(flight, step) > 0) {
+    const given = givenBy(flight, step, by);
+    const amount = Math.max(...given);
+    return { device: given.indexOf(amount), by, amount };
   }
   const way = Array.from(flight.uavCell.slice(step, -1)); // without the step that lands
   return { home: flight.landed && way.length > 1 && new Set(way).size === way.length };

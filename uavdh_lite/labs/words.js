@@ -26,6 +26,8 @@ export const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap >= 1 ? gap.t
 const steps = (count) => (count === 1 ? "1 step" : `${count} steps`);
 export const timeUnits = (count) => `${count} ${count === 1 ? "unit" : "units"} of time`;
 const listed = (all) => (all.length > 1 ? `${all.slice(0, -1).join(", ")} and ${all.at(-1)}` : all[0]);
+const lost = ({ hovers, turns }) => [hovers && "hovering", turns && "flying to and fro"].filter((each) => each).join(" or ");
+const during = ({ stretches }) => `steps ${listed(stretches.map(([first, last]) => `${first + 1}–${last + 1}`))}`;
 const fromTo = (first, last) => (last > first ? `from step ${first + 1} to ${last + 1}` : `in step ${first + 1}`);
 
 /** What somebody does in a step: `{ who, action, refused }`. */
@@ -34,9 +36,9 @@ function act({ who, action, refused }) {
   return { hover: says(who, "hovers"), land: says(who, "lands") }[action] ?? says(who, "flies", action);
 }
 
-const towards = ({ device, by, amount, home, who }) =>
+const towards = ({ device, by, amount, home, who }, step) =>
   device !== undefined
-    ? ` and ${who.you ? "get" : "gets"} ${units(amount)} units from device ${device} by step ${by}`
+    ? ` and ${who.you ? "get" : "gets"} ${units(amount)} units from device ${device} ${by > step + 1 ? `by step ${by}` : "in this step"}`
     : home
       ? ` and ${who.you ? "go" : "goes"} home`
       : "";
@@ -68,16 +70,18 @@ const TEMPLATES = {
   },
   same: () => "Both flights end in the same way.",
   part: ({ step, acts, ends }) =>
-    `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k]) : "")).join(", while ")}.`,
+    `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k], step) : "")).join(", while ")}.`,
   first({ step, near, part, ahead }) {
     const { who, amount, end } = ahead ?? {};
     const later = end === null ? "" : `, in the end ${Math.abs(end) < 0.05 ? "as much" : `${units(Math.abs(end))} ${end < 0 ? "less" : "more"}`}`;
     const has = ahead ? `; before step ${part + 1} ${says(who, "has", `collected ${units(amount)} units more${later}`)}` : "";
     return `They first act differently at step ${step + 1}, but ${near ? `stay near each other until step ${part + 1}` : "come near each other again"}${has}.`;
   },
-  spends({ who, spent, other, others, stretches, hovers, turns, since }) {
-    const does = [hovers && "hovering", turns && "flying to and fro"].filter((each) => each).join(" or ");
-    const where = does && `, ${does} in steps ${listed(stretches.map(([first, last]) => `${first + 1}–${last + 1}`))}`;
+  idles: ({ idlers }) =>
+    `${upper(idlers.map((each) => says(each.who, "spends", `${during(each)} ${lost(each)}`)).join("; "))}; none of these steps brings 0.1 units.`,
+  spends({ who, spent, other, others, since, ...astray }) {
+    const does = lost(astray);
+    const where = does && `, ${does} in ${during(astray)}`;
     return `Apart from landing, ${says(who, "takes", `${steps(spent.brings)} that ${spent.brings === 1 ? "brings" : "bring"} 0.1 units or more`)} ` +
       `and ${spent.idle} that ${spent.idle === 1 ? "does" : "do"} not` +
       `${where}${since ? `, though ${nothingLeft(since)}` : ""}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.${does && who.thinks ? " Think shows what it expected there." : ""}`;
@@ -86,7 +90,7 @@ const TEMPLATES = {
     const left = devices.map(({ device, more }, k) =>
       `${Math.abs(more).toFixed(1)} ${k ? "" : "units "}${more > 0 ? (k ? "" : "more ") : "less "}at device ${device}`);
     const collects = ({ who, amount, first, last }) =>
-      says(who, "collects", amount < 0.1 ? "less than 0.1 units" : `${amount.toFixed(1)} units ${fromTo(first, last)}`);
+      says(who, "collects", amount < 0.1 ? "less than 0.1 units" : `${amount.toFixed(1)} units${first < 0 ? ", but less than 0.1 in each step" : ` ${fromTo(first, last)}`}`);
     return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${timeUnits(unused)} unused` : ""}. ` +
       `At device ${devices[0].device}, ${collects(winner)}; ${collects(loser)}.`;
   },
