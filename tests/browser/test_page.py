@@ -405,7 +405,8 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
 
 def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
     open_tool(page, "Watch")
-    expect(page.locator(".flies")).to_contain_text("The agents learn in the village")
+    expect(page.locator("div:has(> .curves) + p")).to_contain_text("Press near a point")
+    expect(page.locator(".tool")).to_contain_text("The agents learn in the village")
     box = page.locator(".blue .dot").last.bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 15)  # below it
     flies = re.compile(
@@ -668,7 +669,8 @@ def test_an_address_opens_the_same_in_another_browser(browser, address, page):
         page.mouse.click(*place(page, 15, 15))
         expect(page.locator(".map .held")).to_have_count(count)
     page.mouse.move(*place(page, 3, 3))
-    expect(page.locator(".sentence")).to_contain_text("Row 15, column 15")
+    held = re.compile("Row 15, column 15.* Held: press the cell again to let it go")
+    expect(page.locator(".sentence")).to_contain_text(held)
     page.wait_for_timeout(600)
     label = page.locator(".map g[data-device='0']").get_attribute("aria-label")
     with visiting(browser, page.url) as other:

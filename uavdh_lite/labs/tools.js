@@ -298,7 +298,8 @@ export const TOOLS = {
       const head = hidden ? `Hidden from device ${panel.device} by buildings: they cost ${cost.toFixed(1)} ${term("dB")}.` : `In sight of device ${panel.device}.`;
       const instead = hidden ? ` instead of ${units(panel.free[number])}` : "";
       const traced = panel.traced ? ` in the model; ${units(panel.traced.rate[number])} in flights` : "";
-      stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${units(panel.rate[number])} units a ${term("slot")}${instead}${traced}.`);
+      stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${units(panel.rate[number])} units a ${term("slot")}${instead}${traced}.${state.held
+        ? " Held: press the cell again to let it go." : ""}`);
       const entry = (name, value) => `<tr><th scope="row">${name}</th><td>${value} dB</td></tr>`;
       const lines = [
         [term("SNR at 1 m"), signed(panel.transmit)],
@@ -359,12 +360,14 @@ export const TOOLS = {
         ${chooser("shown", "metric", METRICS.map((each) => [each, each.replaceAll("_", " ")]), looks.metric)}</div>
         <p class="setting">${about.join("<br>")}</p>
         <div class="${this.fresh(looks.runs) ? "draws" : ""}">${curves(runs, point, looks.metric)}</div>
-        ${point ? "" : verdict}<p class="flies">${point
+        <p class="flies">${point
           ? `This flight: ${explained(flight.name)}, in one mission. ${flight.ending} ${mean}`
-          : "Press near a point, or move with the arrow keys, to see its agent fly. Each point stands for 100 missions that the agent did not learn from."}
+          : "Press near a point, or move with the arrow keys, to see its agent fly."}
+        ${left ? "↶ brings your mission back." : ""}</p>${verdict}
+        <p>${point ? "" : "Each point stands for 100 missions that the agent did not learn from."}
         ${elsewhere ? `The agents learn in the ${escaped(village)}: a point shows its agent there, and ↶ brings your mission back.` : ""}
-        ${left ? "↶ brings your mission back." : ""} The training runs were recorded.
-        ${odd ? `They fly several missions at once, hence ${grouped(odd.steps)} steps and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>${point ? verdict : ""}`;
+        The training runs were recorded.
+        ${odd ? `They fly several missions at once, hence ${grouped(odd.steps)} steps and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>`;
     },
     drawn: "", // the runs whose curves have drawn themselves
     fresh(runs) {
