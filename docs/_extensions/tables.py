@@ -447,16 +447,12 @@ def fresh_missions() -> str:
 
 
 def cities_to_learn_in() -> str:
-    """Agents that learned in more and more cities, over those and over others, by one view."""
-    table = read_table(RUNS / "unseen_cities.csv.gz")
-    own = (table["variant"] == "global_local") & (table["views"] == 1)
-    rows = []
+    """Agents that learned in more and more cities, over those and over others."""
+    table, rows = read_table(RUNS / "unseen_cities.csv.gz"), []
     for count in (1, 10, 100, 2000):
-        cities = f"random:{count}:0"
-        scores = [
-            table[BOTH][own & (table["learned_in"] == cities) & (table["flown_over"] == over)]
-            for over in ("random:300:9", cities)
-        ]
+        own = f"random:{count}:0"
+        learned = (table["policy"] == "centred") & (table["learned_in"] == own)
+        scores = [table[BOTH][learned & (table["flown_over"] == c)] for c in ("random:300:9", own)]
         rows.append([count, *(f"{value:.3f}" for value in np.concatenate(scores))])
     return _table(["cities", *(f"{kind}, {s}" for kind in ("unseen", "seen") for s in SEEDS)], rows)
 
