@@ -537,6 +537,8 @@ def test_a_reload_loses_nothing_that_was_done_shortly_before(browser, address):
         def reloaded(shown):
             page.reload()
             expect(output).to_have_text(re.compile(rf"^{shown} of "))
+            page.wait_for_timeout(200)
+            assert shown_step(page) == shown  # and stays there
 
         caption.wait_for()
         for _ in range(3):

@@ -362,7 +362,7 @@ export function draw(el, model) {
 
   function tellStory(time, playing) {
     if (!story) return;
-    const [from, text] = captions().filter(([from]) => from <= time).at(-1);
+    const [, text] = captions().filter(([from]) => from <= time).at(-1);
     const caption = find(".caption");
     const end = time >= clock.now.last;
     caption.hidden = false;
@@ -379,7 +379,7 @@ export function draw(el, model) {
       story.reads = false;
       clock.show(clock.now.time, true);
     };
-    setTimeout(() => clock.show(from, false)); // between two steps the counter is already at the next
+    setTimeout(() => clock.show(Math.floor(time), false)); // between two steps the counter is already at the next
     setTimeout(go, Math.max(6500, 70 * text.length)); // time to read it
   }
 
