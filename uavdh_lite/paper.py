@@ -5,4 +5,4 @@ RESULTS = {
     "open_field": {"landed": 0.999, "collected": 0.900, "collected_and_landed": 0.899},
 }
 """The mean of each metric over 1000 random missions, by map; one agent was trained for each map,
-and the maps themselves were never published."""
+and the maps were never published as files."""

@@ -102,8 +102,8 @@ def demo(
     plotting.save_figure(figure, out)
     print(f"The first flights over each map are drawn in {out}.")
     print("The agents are those of one training each; the README has the means of all.")
-    print("The paper's maps were never published. Ours are redrawn from its text, so the agents")
-    print("solve the same task, but in other streets.")
+    print("The paper's maps were never published as files. Ours are redrawn from its text, so the")
+    print("agents solve the same task, but in other streets.")
 
 
 def fly(
