@@ -25,6 +25,7 @@ TOOLS = ("Fly", "Compare", "Think", "Channel", "Paint", "Watch")
 SIZES = {  # in CSS pixels: a phone, a page at 200 %, tablets, laptops, a projector
     "phone": (390, 844),
     "half": (640, 360),
+    "doubled": (683, 425),
     "landscape": (844, 390),
     "zoomed": (960, 540),
     "tablet": (820, 1180),
@@ -150,9 +151,19 @@ def test_every_tool_fits_its_window(page):
             "all => all.every((each) => each.scrollWidth <= each.clientWidth)"
         )
         assert sides, at
-        if at != ("half", "Compare"):  # which scrolls
-            for needed in (".map svg", *MAIN[title]):
-                assert visible(page, needed), (at, needed)
+        if title in ("Compare", "Think"):  # all that a step brings is there, though it may scroll
+            for each in page.locator(".flight .says, .flight .bar:nth-last-child(2)").all():
+                each.scroll_into_view_if_needed()
+                assert each.is_visible() and each.bounding_box()["height"] > 10, at
+            page.evaluate("document.querySelector('.inside').scrollTop = 0")
+        if title in ("Compare", "Think") and size in ("phone", "tablet", "half", "doubled"):
+            assert page.get_by_role("button", name="one step forward").is_visible(), at
+            assert page.get_by_role("slider", name="step").bounding_box()["width"] > 100, at
+        needs = (".map svg", *MAIN[title])
+        if title == "Compare" and height < 430:  # bars scroll, and what is chosen
+            needs = (".map svg", ".flight .says", "h2", ".play")
+        for needed in needs:
+            assert visible(page, needed), (at, needed)
         expect(page.locator(".tool .legend")).to_have_count(1)
         violet = page.locator(".legend span", has_text="shadow").is_visible()
         assert violet == (title != "Channel"), at  # where shadows have a white edge
@@ -348,6 +359,10 @@ def test_a_tool_that_was_chosen_by_keys_is_flown_by_keys(page):
     for key, title in (("End", "Watch"), ("Home", "Fly")):
         page.keyboard.press(key)
         expect(page.get_by_role("tab", selected=True)).to_have_text(title)
+    for title, key in product(TOOLS, ("Enter", "ArrowDown")):  # to its panel, and no move is flown
+        open_tool(page, title)
+        page.get_by_role("tab", name=title).press(key)
+        expect(page.locator("#panel:focus")).to_have_count(1)
 
 
 def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
@@ -458,6 +473,8 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
     expect(page.locator(".here")).to_contain_text(f"device 0, {full} units left")  # none is flown
     page.mouse.move(*place(page, 6, 4))
     expect(page.locator(".map .shadow.live")).to_have_attribute("d", re.compile("M3.5 2.5"))
+    page.mouse.move(*(page.locator(".tool h2").bounding_box()[each] + 5 for each in "xy"))
+    expect(page.locator(".map .shadow.live")).to_have_attribute("d", "")  # no pointer is there
     page.mouse.click(*place(page, row, col))
     expect(page.locator(".refusal")).to_contain_text("Not painted: device 0 is there.")
     page.set_viewport_size({"width": 390, "height": 844})
@@ -774,6 +791,20 @@ def test_touch_flies_lands_and_drags(browser, address, size):
         expect(page.locator(".sentence")).to_contain_text(said)
         assert panel.evaluate("each => each.scrollTop") == 0 and visible(page, ".sentence")
         assert size != "phone" or panel.evaluate(down) > 0  # else it would not be seen anyway
+        touch, label = page.context.new_cdp_session(page), page.locator(".map g[data-device='0']")
+        row, col = map(int, re.findall(r"\d+", label.get_attribute("aria-label"))[1:3])
+        page.get_by_role("tab", name="Compare").tap()
+        page.locator(".main[data-shows='compare']").wait_for()
+        x, y = place(page, row, col)
+        for kind, there in (
+            ("Start", (x + 13, y - 13)),
+            ("Move", place(page, 6, 4)),
+            ("End", None),
+        ):
+            points = [dict(zip("xy", there, strict=True))] if there else []
+            touch.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": points})
+            page.wait_for_timeout(60)  # a faster finger flings
+        expect(label.first).to_have_attribute("aria-label", re.compile("row 6, column 4;"))
         page.get_by_role("tab", name="Fly").tap()
         page.locator(".main[data-shows='fly']").wait_for()
         page.wait_for_timeout(200)

@@ -3,6 +3,17 @@
 import { SQUARE } from "../player.js";
 import { ARROWS, TOOLS, WAYS, brush } from "./tools.js";
 
+const REACH = 20; // px from its middle within which a finger takes a device
+
+/** The nearest of some elements to a pointer, nothing if all are farther than `most` px. */
+function nearest(all, { clientX, clientY }, most = Infinity) {
+  const far = (each) => {
+    const { x, y, width, height } = each.getBoundingClientRect();
+    return Math.hypot(x + width / 2 - clientX, y + height / 2 - clientY);
+  };
+  return [...all].filter((each) => far(each) <= most).sort((one, other) => far(one) - far(other))[0];
+}
+
 /** Listens to all that is done on a stage. */
 export function attend(stage) {
   const { el, find, ask } = stage;
@@ -27,27 +38,36 @@ export function attend(stage) {
     const device = devices.findIndex((each) => here(each.cell));
     return device >= 0 ? device : here(start) ? -1 : null;
   };
+  /** What a pointer takes: what is in its cell; near a finger, also what is beside it, unless a brush paints there. */
+  const taken = (event, cell) => {
+    const thing = cell && thingAt(cell);
+    const exact = event.pointerType !== "touch" || tool() === TOOLS.paint || el.classList.contains("adding");
+    if (thing !== null || exact) return thing;
+    const beside = nearest(event.target.closest(".map").querySelectorAll("g[data-device]"), event, REACH);
+    return beside ? Number(beside.dataset.device) : null;
+  };
   const hover = (cell) => {
     stage.hovered = cell;
     stage.point();
   };
   /** In Channel a press chooses a device; elsewhere it holds the cell, or lets it go. */
-  const link = (cell) => {
-    const [thing, { held }] = [thingAt(cell), stage.scene.state];
+  const link = (cell, thing = thingAt(cell)) => {
+    const { held } = stage.scene.state;
     const device = thing !== null && thing >= 0;
     ask(device ? { kind: "look", device: thing } : { kind: "hold", cell: String(cell) === String(held) ? null : cell });
   };
 
   main.addEventListener("pointerdown", (event) => {
-    const cell = event.target.closest(".map") && cellAt(event);
-    if (!cell || event.button) return;
-    const thing = thingAt(cell);
+    if (!event.target.closest(".map") || event.button) return;
+    const cell = cellAt(event);
+    const thing = taken(event, cell);
+    if (!cell && thing === null) return;
     const { tool: name } = stage.scene.state;
     hover(cell); // a finger does not hover
     if (el.classList.contains("adding")) return add(cell);
     if (name === "channel") {
       find("#panel").scrollTop = 0; // to the sentence about the cell
-      link(cell);
+      link(cell, thing);
     }
     const painting = name === "paint" && thing === null;
     if (!painting && (thing === null || name === "watch")) return;
@@ -62,6 +82,7 @@ export function attend(stage) {
     const cell = cellAt(event);
     if (!drag) {
       if (event.target.closest?.(".map")) hover(cell);
+      else if (stage.hovered && event.pointerType !== "touch" && !find(".map svg:focus-visible")) hover(null);
       return;
     }
     if (!cell || String(cell) === String(drag.at)) return;
@@ -112,14 +133,7 @@ export function attend(stage) {
   }
 
   /** Where curves are pressed beside their points, the nearest one is meant. */
-  const pressed = ({ target, clientX, clientY }) => {
-    const dots = [...(target.closest(".curves")?.querySelectorAll(".dot") ?? [])];
-    const far = (dot) => {
-      const { x, y, width } = dot.getBoundingClientRect();
-      return Math.hypot(x + width / 2 - clientX, y + width / 2 - clientY);
-    };
-    return dots.sort((one, other) => far(one) - far(other))[0] ?? target;
-  };
+  const pressed = (event) => nearest(event.target.closest(".curves")?.querySelectorAll(".dot") ?? [], event) ?? event.target;
 
   const does = {
     skip: stage.skipStory,
@@ -212,6 +226,12 @@ export function attend(stage) {
       const to = { Home: tools[0], End: tools.at(-1) }[key] ?? tools[(tools.indexOf(tab.dataset.tool) + right + tools.length) % tools.length];
       find(`#tab-${to}`).focus();
       return () => ask({ kind: "tool", tool: to });
+    }
+    if (tab && ["Enter", "ArrowDown"].includes(key)) {
+      return () => {
+        find("#panel").focus({ preventScroll: true });
+        ask({ kind: "tool", tool: tab.dataset.tool });
+      };
     }
     const device = target.closest("g[data-device]")?.dataset.device;
     if (device && down !== undefined) {

@@ -190,7 +190,7 @@ export function draw(el, model) {
     if (changed) drawMaps(film, state.tool);
     const warnings = scene.warnings.map((text) => `<p class="warning">${escaped(text)}</p>`).join("");
     const place = scene.place ? `<p class="place"><small>${escaped(scene.place)}</small></p>` : "";
-    if (drawnTool !== state.tool) find("#panel").scrollTop = 0;
+    if (drawnTool !== state.tool) find("#panel").scrollTop = find(".inside").scrollTop = 0;
     stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${place}${legend(film)}`);
     el.querySelectorAll(".map svg").forEach((map, k) => {
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
