@@ -40,7 +40,7 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Compare the agent with the paper's and, on the same 1000 missions, with a random pilot and two planners; find the missions in which it falls behind; fly one mission again with different luck |
+# | **What you'll do** | Compare the agent with the paper's and, on the same 1000 missions, with a random pilot and two planners; find the missions in which the agent falls behind; fly one mission again with different luck |
 # | **What you'll learn** | Random streams, Wilson's interval, why the best checkpoint looks too good, how many missions a claim needs |
 # | **What you'll need** | Notebooks 3, 7 and 8. 55 minutes to read, 20 seconds to run; 24 minutes of exercises |
 #
@@ -51,9 +51,9 @@ figure
 #
 # | policy | what it knows |
 # | --- | --- |
-# | the agent | the map, the devices, their data and the time left. It has learned what to do by a strengthened form of the paper's method |
+# | the agent | the map, the devices, their data and the time left. It learned what to do with a strengthened form of the paper's method |
 # | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
-# | genie | the same, plus the rate without fading from every cell to every device. It searches whole flights for the one with the most data |
+# | genie | the same, plus the rate without fading between every cell and every device. It searches among whole flights for the one that brings home the most data |
 # | random | nothing. It picks its actions at random |
 #
 # Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`.
@@ -84,9 +84,9 @@ cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 #
 # ### Random numbers
 #
-# A test is worth nothing if training has seen its missions, so training, validation and test each need random numbers of their own. A common
-# habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Compare the validation numbers of seed 0 with the training numbers of seed 1,
-# drawn first in this way and then with our `stream`:
+# A test is worth nothing if its missions were seen in training, so training, validation and test each need random numbers of their own. A
+# common habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Compare the validation numbers of seed 0 with the training numbers of
+# seed 1, drawn first in this way and then with our `stream`:
 
 # %%
 from uavdh_lite.streams import Use, stream
@@ -100,20 +100,21 @@ for way in (habit, stream):
     print(f"{way.__name__:<7} equal numbers: {equal}")
 
 # %% [markdown]
-# With this habit, the run with seed 1 trains on the very missions by which the agent of seed 0 is
-# chosen, and two runs that should be independent share their luck.
+# With this habit, the run with seed 1 trains on the very missions that are used to choose the agent
+# of seed 0, and two runs that should be independent share their luck.
 #
-# The library makes the generators of training, validation and test with `stream(use, seed)`. The use and the seed go into numpy's `SeedSequence` as two separate
-# numbers and are never added, so no two of these uses share a stream, whatever the seeds.
+# The library makes the generators for training, validation and test with `stream(use, seed)`. The use and the seed go into numpy's `SeedSequence` as two
+# separate numbers and are never added, so no two of these uses share a stream, whatever the seeds.
 #
 # A second mistake is subtler. If a policy drew its actions from the generator that also draws the
 # missions, a long flight would use up more numbers than a short one, so the next mission would depend
-# on the flight before it. That is why here all missions are drawn beforehand, and why the fading is
+# on the flight before it. That is why all missions here are drawn beforehand, and why the fading is
 # drawn for every mission in every step, whatever the policy does.
 #
 # ## 10.2 The paper's table
 #
-# The paper flies 1000 random missions with each agent and prints three shares. Here are ours with 95 % intervals, beside the paper's:
+# The paper flies 1000 random missions with each agent and reports three shares. Here are ours with 95 % intervals, beside the
+# paper's:
 
 # %%
 from uavdh_lite.paper import RESULTS
@@ -124,10 +125,10 @@ for city, results in cities.items():
         print(f"{city:<11}{metric:<21}{mean:7.1%} ({low:.1%} to {high:.1%})  paper {paper:.1%}")
 
 # %% [markdown]
-# Our agents are above the paper's in every line. Are they better? The table cannot say, because the
-# paper's maps were never published as files. Ours, redrawn from the paper's text, may be easier than the originals.
-# What the table does say is that on maps that fit the same description, a strengthened form of the method
-# reaches the paper's level.
+# Our agents are above the paper's in every line. Are they better? The table cannot say, because the paper's maps
+# were never published as files. Ours, redrawn from the paper's text, may be easier than the originals. What the
+# table does say is that, on maps that fit the same description, a strengthened form of the method reaches the
+# paper's level.
 #
 # ### What the three shares tell you
 #
@@ -142,7 +143,7 @@ print(f"the flights that landed had collected  {both / landed:.0%}")
 
 # %% [markdown]
 # In the paper's own test, the flights that crashed had collected about 40 % of their data. The
-# paper does not print this number, and it is rough: with shares rounded to a tenth of a percent,
+# paper does not report this number, and it is rough: with shares rounded to a tenth of a percent,
 # anything from 18 to 67 % is possible. Even so, it is far below the 95 % of the other flights, so
 # staying out for the last bit of data cannot explain all of those crashes.
 #
@@ -182,7 +183,8 @@ for count in (995, 999, 1000):
 #
 # ## 10.3 Next to the planners
 #
-# Is 96 % good? Compare the agent with a simple policy and with one near the best possible.
+# Is 96 % good? Compare the agent with a simple policy and with one that is close to the best
+# possible.
 
 # %%
 for city, results in cities.items():
@@ -203,11 +205,11 @@ for city, results in cities.items():
         print(f"{city:<11}{metric:<21}agent - greedy {mean:+.3f} ({low:+.3f} to {high:+.3f})")
 
 # %% [markdown]
-# Over Manhattan, greedy is ahead in both scores, and neither interval contains 0. (In 10,000 other
-# missions, seeds 1 to 10, its lead is only 0.65 points, and 0.58 in return.) Over the open field,
-# greedy brings home one percentage point more, but the agent's return is higher because it wastes
-# less time, whereas greedy stays for the last unit of data at any cost. Which of them is better
-# therefore depends on the question.
+# Over Manhattan, greedy is ahead on both scores, and neither interval contains 0. (In 10,000 other
+# missions, seeds 1 to 10, its lead is only 0.65 points in the share brought home, and 0.58 units in
+# return.) Over the open field, greedy brings home one percentage point more, but the agent's return
+# is higher because it wastes less time, whereas greedy stays for the last unit of data at any cost.
+# Which of them is better therefore depends on the question.
 #
 # ## 10.4 The best of many checkpoints
 #
@@ -226,9 +228,9 @@ for missions in (200, 1000):
 # %% [markdown]
 # All checkpoints are equally good, and yet the best one seems better than it is, because it was
 # chosen for its luck. With 200 missions this illusion, a **selection bias**, amounts to more than a
-# percentage point here. More missions shrink it, but do not remove it. What helps is
-# another set of missions, which had no say in the choice. That is why validation and test are two
-# different streams.
+# percentage point here. More missions shrink it, but do not remove it. What helps is another set of
+# missions, one that had no say in the choice. That is why validation and test are two different
+# streams.
 #
 # ## 10.5 Which missions go badly?
 #
@@ -298,7 +300,8 @@ play(agent.environment, flights.trajectory(worst[0]))
 # %% [markdown]
 # The flight on the right has another cause. The network does not read the last two rows and columns
 # of its map (5.5), so the agent cannot see a device 14 or 15 cells south or east of it, and this
-# UAV never comes nearer to the two that it leaves. In how many missions does this happen?
+# UAV never comes near enough to see the two devices that it leaves out. In how many missions does
+# this happen?
 
 # %%
 start = flights.history[0].state
@@ -311,15 +314,15 @@ print(f"a device never seen: {never.sum()} missions, {(never & two).sum()} with 
 print(f"greedy's lead: {lead.mean():.2%}, in the other missions {lead[~never].mean():.2%}")
 
 # %% [markdown]
-# A mean of 96 % does not stand for a thousand flights that bring home 96 % each: without thirteen
-# of them, greedy's lead would be half as large. Most of the thirteen have only two devices, and this
-# is the main reason why the agent falls behind in missions with so few. Longer training cannot
-# make the network read the strip, whereas other strides could.
+# A mean of 96 % does not stand for a thousand flights that bring home 96 % each: without thirteen of
+# them, greedy's lead would be half as large. Most of the thirteen have only two devices, and this is
+# the main reason why the agent falls behind in missions with so few. Longer training cannot make the
+# network read the strip, whereas convolutions with other strides could.
 #
 # ## 10.7 How many missions does a claim need?
 #
 # An interval shrinks with the square root of the number of missions, so halving it takes four times as many missions. If $\sigma$ is the
-# standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes $n = (1.96\,\sigma/h)^2$
+# standard deviation over missions, the half-width is $1.96\,\sigma/\sqrt{n}$, so a half-width of $h$ requires $n = (1.96\,\sigma/h)^2$
 # missions. Say you want to know greedy's lead over the agent to within half a percentage point:
 
 # %%
@@ -333,10 +336,10 @@ for name, results in cities.items():
 # Flying both policies on the same missions saves more than half of them, because what is hard for
 # one policy is hard for the other, and this cancels out in the difference.
 #
-# Is a half width of half a point enough to *find* a lead of half a point? Only in half the tries.
-# The measured lead falls below the true one as often as above it, and whenever it falls below, the
-# interval contains 0. To find such a lead in eight out of ten tries, that is, with a **power** of
-# 80 %, takes twice as many missions.
+# Is a half-width of half a point enough to *find* a lead of half a point? Only in half of all
+# tries. The measured lead falls below the true one as often as above it, and whenever it falls
+# below, the interval contains 0. To find such a lead in eight out of ten tries, that is, with a
+# **power** of 80 %, takes twice as many missions.
 #
 # ## 10.8 The same mission with different luck
 #
@@ -366,7 +369,7 @@ play(agent.environment, {"one draw": first.trajectory(0), "another": second.traj
 #
 # ## 10.9 One thing changed
 #
-# The paper shows its open-field agent in two missions that differ in one thing only. In the first, both devices hold the same
+# The paper shows its open-field agent in two missions that differ in only one thing. In the first, both devices hold the same
 # amount of data. In the second, the far one holds only a quarter of that. Guess how the flight changes:
 
 # %%
@@ -388,8 +391,7 @@ figure
 # %% [markdown]
 # Both times the UAV empties the near device first and then flies towards the far one. With equal
 # data it flies right up to the far device; with only a quarter of the data there, it turns for home
-# two cells short of it. In all 20 draws, the flights with a quarter of the data are the shorter
-# ones.
+# two cells short of it. In all 20 draws, the flight with a quarter of the data is the shorter one.
 #
 # ## Recap
 #

@@ -60,8 +60,8 @@ figure
 #
 # ## 11.1 Four sizes of memory
 #
-# The runs in the picture follow the recipe `small`, except that learning begins after 250 steps, with 48,000 steps each and three seeds for each size. The recipe's own memory
-# holds 40,000 steps. The cell that drew the picture has already read the runs' final results into a table, which is printed here:
+# The runs in the picture follow the recipe `small`, except that learning begins after 250 steps. Each run lasts 48,000 steps, and there are three seeds for each size. The
+# recipe's own memory holds 40,000 steps. The cell that drew the picture has already read the runs' final results into a table, which is printed here:
 
 # %%
 for variant, size in SIZES.items():
@@ -70,10 +70,11 @@ for variant, size in SIZES.items():
 
 # %% [markdown]
 # In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps in the
-# memory, the three runs bring home 90 to 96 % of the data, and greedy 98 %. With 4,000 steps, and
-# even with 1,000, most runs are only a little behind those three, and the ranges of the three sizes
-# overlap. With 250 steps, the runs bring home 46 to 81 % of the data: two of them end far below all
-# others, and the third does only about as well as the worst of the runs with 4,000 steps.
+# memory, the three runs bring home 90 to 96 % of the data, whereas greedy brings home 98 %. With
+# 4,000 steps, and even with 1,000, most runs are only a little behind those three, and the ranges
+# of the three sizes overlap. With 250 steps, the runs bring home 46 to 81 % of the data: two of
+# them end far below all others, and the third does only about as well as the worst of the runs with
+# 4,000 steps.
 #
 # All runs make the same number of updates, and each update draws the same number of steps. What, then, does a small memory lack?
 #
@@ -300,7 +301,7 @@ figure
 # the way between the two, whereas wiping out the green ones changes nothing between them. By how
 # much does the network's largest Q-value rise in each case?
 #
-# We ask two agents, one for Manhattan and one for the open field, and, to compare with each of them, an untrained network with the same
+# We ask two agents, one for Manhattan and one for the open field, and, for comparison with each, an untrained network with the same
 # layers.
 
 # %%
@@ -327,11 +328,11 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
               f"above 0 in {(gains[0] > gains[1]).mean():.0%}")
 
 # %% [markdown]
-# The untrained networks hardly notice. Both trained ones expect more reward when any buildings
-# disappear, and the rise is clearly larger when those buildings were in the way. The networks have therefore learned from rewards that
-# buildings *between* the UAV and a device cost data, and they look for such buildings. One doubt is left: the control lies not only on the
-# other side of the UAV, but also farther from the *device* than the orange rectangle. If the networks value open space around a device for
-# some reason other than shadows, that could explain part of the difference.
+# The untrained networks hardly react. Both trained ones expect more reward when any buildings disappear, and the rise is clearly larger
+# when those buildings were in the way. The networks have therefore learned from rewards that buildings *between* the UAV and a device cost
+# data, and they look for such buildings. One doubt is left: the control lies not only on the other side of the UAV, but also farther from
+# the *device* than the orange rectangle. If the networks value open space around a device for some reason other than shadows, that could
+# explain part of the difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are
 # worth: 3 % of their value over Manhattan and 15 % over the open field. In three or four states out
@@ -339,8 +340,8 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 # new to such a network. The test shows what the network looks at, but not how well it would fly
 # there.
 #
-# This way of asking, a **perturbation analysis**, works for any network and many questions: change one thing
-# in the input that should matter, change something similar that should not, and compare the effects.
+# This way of asking, a **perturbation analysis**, works for any network and for many questions: change one
+# thing in the input that should matter, change something similar that should not, and compare the effects.
 #
 # ## Recap
 #

@@ -63,22 +63,24 @@ draw_ways()
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Watch a rule bring a random policy home, look at maps of what can be computed, follow a planner, and compare agents that were told more or less |
-# | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
+# | **What you'll do** | Watch a rule bring a random policy home, look at maps of what can be computed, follow a planner, and compare agents that were told much or little |
+# | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what each is worth |
 # | **What you'll need** | The course, notebooks 0 to 9. 45 minutes to read, 30 seconds to run; 27 minutes of exercises |
 #
-# Each row shows one recipe in three runs, one for each seed, recorded with an earlier version of
-# the program over an earlier map of Manhattan, on which the buildings on eight cells were low. In
-# the upper four rows the agents learn from reward, in the next four they copy a planner, and in the
-# last one they copy first and then learn from reward. All runs within a group are equally long. The
-# agents that learn from reward without a guarantee are trained with the penalties of the recipe
-# `lite` of notebook 7, and half of their flights begin in mid-air. Higher returns lie further
-# right. The rest of this notebook explains the words to the left of the rows.
+# Each row of the figure shows one recipe in three runs, one for each seed, recorded with an earlier
+# version of the program over an earlier map of Manhattan, in which the buildings in eight cells
+# were low. In the upper four rows the agents learn from reward, in the next four they copy a
+# planner, and in the last one they copy first and then learn from reward. All runs within a group
+# are equally long. The agents that learn from reward without a guarantee are trained with the
+# penalties of the recipe `lite` of notebook 7, and half of their flights begin in mid-air. The
+# further right a point lies, the higher the return. The rest of this notebook explains the words to
+# the left of the rows.
 #
 # ## 12.1 Guarantee: the failsafe
 #
 # The paper's agent learns from crashes to be home in time, and each crash costs 150. A rule can bring the UAV home without a single crash.
-# From the map one can count the moves from each cell to the nearest landing zone, so one knows the last moment at which to turn back:
+# From the map you can count the moves from each cell to the nearest landing zone, so you know the last moment at which the UAV can turn
+# back:
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -155,7 +157,7 @@ figure
 # %% [markdown]
 # Bright cells have large values. The triangle is the UAV, and the crosses are the devices.
 # *Expected data* is roughly the amount that one unit of time over a cell would bring without
-# fading. It is an estimate, because it assumes that the best single device sends all the time;
+# fading. It is an estimate, because it assumes that the single best device sends all the time;
 # exercise 12.2 computes the sum slot by slot. In the formula, $R_k$ is the rate of device $k$
 # without fading, and $\delta$ the number of slots in a unit of time:
 #
@@ -237,8 +239,8 @@ Quiz("why_own_starts")
 #
 # The genie plans without fading, so it does not allow for luck. And a copy makes errors that no further examples from the genie's own
 # flights would correct. Learning from reward needs neither a teacher nor a formula, because all that counts is how good a flight was.
-# Therefore the shipped agents that copy go on to learn from reward afterwards. They draw their actions from $\pi$, and fly each
-# mission eight times:
+# Therefore the shipped agents that copied the genie then went on to learn from reward. For this, an agent draws its actions from
+# $\pi$, and flies each mission eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages
@@ -269,8 +271,8 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 #
 # The paper's agents see the map, and learn the rest from reward. In principle they could learn even
 # in a place whose channel nobody can write down, if they could fly millions of steps there, crashes
-# included. In practice one trains in a simulator, possibly with a model of the channel that was
-# fitted to measurements (notebook 14).
+# included. In practice, agents are trained in a simulator, possibly with a model of the channel
+# that was fitted to measurements (notebook 14).
 #
 # ## 12.5 What each way is worth
 #
@@ -311,10 +313,10 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # %% [markdown]
 # - The **guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or
 #   collect little, and even the copies crash in about one mission in ten.
-# - **Telling** helps the copies. Under the guarantee, agents that learn from reward learn sooner if they are told, but end level
-#   here. (In longer runs with today's program those that are told end ahead, by half a unit of return: see
-#   [the ladder](../docs/results/ladder.md).) Without the guarantee, all three runs of
-#   *tell + learn* crash in nearly every mission.
+# - **Telling** helps the copies. Under the guarantee, agents that learn from reward learn faster if they are told the layers,
+#   but here they only end level with those that are not. (In longer runs with today's program, the told ones end ahead by half a
+#   unit of return: see [the ladder](../docs/results/ladder.md).) Without the guarantee, all three runs of *tell + learn* crash
+#   in nearly every mission.
 # - **Copying** is ahead of learning from reward, with or without the guarantee. With the guarantee
 #   and the told layers, both collect about the same amount, but the copy does so in two thirds of
 #   the flying time, whereas the learner uses nearly all of it.
@@ -331,9 +333,9 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # ## 12.6 What the labels cost
 #
 # A planner's labels are not free. Somebody has to know the channel's equations and the city, and has to write the search. Here all
-# of this was possible, and copying was the quickest way to a good agent. Where nobody can write down the channel, one has to
-# measure it or learn from reward. An agent that was told more had a head start, so compare agents only with others that were told
-# the same.
+# of this was possible, and copying was the quickest way to a good agent. Where nobody can write down the channel, it has to be
+# measured, or else the agent has to learn from reward. An agent that was told more had a head start, so compare agents only with
+# others that were told the same.
 #
 # Here are two agents that you can load, flown on 300 missions that are new to both:
 
@@ -346,17 +348,17 @@ for name, knows in agents.items():
           f"time used {records['time_used'].mean():4.0%}")
 
 # %% [markdown]
-# The second agent earns more, and in less time. But it was also told more, so this shows what knowledge is worth, not which way to
-# learn is better.
+# The second agent earns more, and in less time. But it was also told more, so this shows what knowledge is worth, not which way of
+# learning is better.
 #
 # ## Recap
 #
 # - A rule that always holds need not be learned: the failsafe brings any policy home.
 # - What can be computed can be told, as a layer of the map.
 # - A planner's moves can be copied by minimising the cross-entropy, both in the planner's own flights and in flights that begin
-#   where the learner got into.
-# - Learning from reward needs neither a teacher nor anybody who knows the equations. Alone it is slow. After copying, it
-#   repairs some of what the copy got wrong.
+#   in states that the learner got into.
+# - Learning from reward needs neither a teacher nor anybody who knows the equations. On its own it is slow. After
+#   copying, it repairs some of what the copy got wrong.
 # - Before you compare agents, say what each of them was told.
 #
 # ## Exercises

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 13 · Any city
 #
-# The agent of the course knows one city. **Can one network fly over a city that it has never seen, as soon as that city is
-# drawn?** The picture shows one flight over each of four such cities.
+# The agent of the course knows only one city. **Can one network fly over a city that it has never seen, as soon as that
+# city is drawn?** The picture shows one flight over each of four such cities.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -142,12 +142,12 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("centred_in_a_new_city")
 
 # %% [markdown]
-# We measured the effect of centring: networks learned from reward in
-# 2000 cities for 200,000 steps, three seeds for each frame, and the best version of each was kept.
-# In new cities, those that saw the map centred brought home 72 % of the data, and those that saw it
-# in place 60 %. But in the cities that they had learned in it was 70 and 59 %. So what these runs
-# show is faster learning, and not that a centred map carries over better; nor do they say what
-# centring is worth in a new city after a long run. (The runs are in the table that 13.4 reads.)
+# We measured the effect of centring: networks learned from reward in 2000 cities for 200,000 steps,
+# with three seeds for each frame, and the best version of each network was kept. In new cities,
+# those that saw the map centred brought home 72 % of the data, and those that saw it in place 60 %.
+# But in the cities that they had learned in, the shares were 70 and 59 %. So what these runs show
+# is faster learning, and not that a centred map carries over better; nor do they say what centring
+# is worth in a new city after a long run. (The runs are in the table that 13.4 reads.)
 #
 # ## 13.3 Draw your own
 #
@@ -176,11 +176,11 @@ flight = evaluate(own.environment, own, missions, 1, seed=5)
 play(own.environment, flight.trajectory(0))
 
 # %% [markdown]
-# The network was made for cities with 16 cells on a side. How does it cope with ten? A smaller city is filled up with no-fly
-# cells to 16 on a side (**padding**), and in the centred map every city has such cells beyond its border. What these cells say
-# is true: the UAV cannot get there. And because the agent learned in cities of eight to sixteen cells on a side, it has seen
-# padded ones before. A larger city does not fit, because the first fully connected layer has a weight for every place on the
-# map.
+# The network was made for cities with 16 cells on a side. How does it cope with ten? No-fly cells are added to a smaller city
+# until it has 16 cells on a side (**padding**), and in the centred map every city has such cells beyond its border. What these
+# cells say is true: the UAV cannot get there. And because the agent learned in cities of eight to sixteen cells on a side, it
+# has seen padded ones before. A larger city does not fit, because the first fully connected layer has a weight for every place
+# on the map.
 #
 # In the labs you can do the same with the mouse: in the tool *Paint* (`python -m uavdh_lite app`), paint a city and let the agent fly.
 #
@@ -236,8 +236,8 @@ figure
 # all twelve are far behind greedy in new cities. The agent `any_city` therefore copied a planner first, and only then
 # learned from reward, as notebook 12 explains.
 #
-# From 100 to 2000 cities the red curve hardly changes, by less than the spread between seeds, so three short
-# runs cannot tell whether more cities help. And because all seeds learned in the same cities, their spread says nothing about
+# Between 100 and 2000 cities the red curve changes by less than the spread between seeds, so three short runs cannot tell
+# whether more than a hundred cities help. And because all seeds learned in the same cities, their spread says nothing about
 # other choices of ten or a hundred cities.
 
 # %%
@@ -280,8 +280,8 @@ print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 # Read the interval, and not only the mean: the interval is several points wide, although there were a hundred
 # cities. In 3000 other missions over 300 cities the lead was only 0.6 points, and its interval reached below
 # 0 ([the results](../docs/results/four_ways.md)), so these hundred cities probably suited the agent better
-# than most. To tell so small a lead from luck, even 3000 missions are too few. In return, however, the agent
-# was clearly ahead there, by 2.0 units (1.6 to 2.3).
+# than most. To tell so small a lead from luck, even 3000 missions are too few. The agent's return, however,
+# was clearly higher than greedy's there, by 2.0 units (1.6 to 2.3).
 #
 # ## 13.6 Where it fails
 #
@@ -319,8 +319,8 @@ figure
 # every cell on the border of the map, and a cell is in sight if some line reaches it before meeting a
 # building.
 #
-# Many cities are a good test of such a program, and for that test one need not know the right answers. It is enough to know a
-# property that all right answers must have (**property-based testing**):
+# Many cities are a good test of such a program, even if you do not know the right answers. It is enough to know a property
+# that all right answers must have (**property-based testing**):
 
 # %%
 Quiz("both_ways")
@@ -340,12 +340,13 @@ for name, shares in (("wrong, of all links in sight", wrong), ("one direction on
 assert min(one_way) > 0.02
 
 # %% [markdown]
-# In each of the twelve cities, some links of the fan work in one direction only. The fan is mostly
-# to blame. It counts a cell as seen if a line that is aimed at another cell touches it, even at its
-# edge, and from the other end other lines are drawn. (With exact lines in place of the rounded
-# ones, 7 % of the links would still work in one direction only.) Radio works the same both ways
-# (**reciprocity**), so no measurement was needed to know that the fan is wrong. Here are the cells
-# that a device sees in the last of these cities, by the exact test and by the fan:
+# In each of the twelve cities, some links of the fan work in one direction only. The fan itself,
+# rather than the rounding, is mostly to blame. It counts a cell as seen if a line that is aimed at
+# another cell touches it, even at its edge, and different lines are drawn from the other end. (With
+# exact lines in place of the rounded ones, 7 % of the links would still work in one direction
+# only.) Radio works the same both ways (**reciprocity**), so no measurement was needed to know that
+# the fan is wrong. Here are the cells that a device sees in the last of these cities, by the exact
+# test and by the fan:
 
 # %%
 from uavdh_lite.plotting import draw_city
@@ -376,7 +377,8 @@ figure
 #
 # ## Further reading
 #
-# - Cobbe, Klimov, Hesse, Kim, Schulman: *Quantifying Generalization in Reinforcement Learning*, ICML 2019: how many levels of a game an agent must train on.
+# - Cobbe, Klimov, Hesse, Kim, Schulman: *Quantifying Generalization in Reinforcement Learning*, ICML 2019: how many levels of a game an agent must train on
+#   before it copes with new ones.
 # - Kirk, Zhang, Grefenstette, Rocktäschel: *A Survey of Zero-shot Generalisation in Deep Reinforcement Learning*, JAIR 2023.
 # - Bresenham: *Algorithm for computer control of a digital plotter*, IBM Systems Journal, 1965.
 # - The page *One agent for any city* on the site, under Results.

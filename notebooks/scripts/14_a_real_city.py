@@ -70,8 +70,8 @@ city, sight, possible = munich.city, munich.sight[0], links(munich)
 print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells see each other")
 
 # %% [markdown]
-# This map is coarse, and the shadow map ignores heights: a shed of 3 m blocks a link as fully as a tower does, even to a UAV
-# right above it.
+# This map is coarse, and the shadow map ignores heights: a shed 3 m high blocks a link as fully as a tower, even one to a
+# UAV right above the shed.
 #
 # ## 14.2 What a ray tracer does
 #
@@ -89,14 +89,14 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # devices.
 #
 # In our tables a ray has up to five reflections or one diffraction, and none goes through a wall. Powers are averaged over the UAV's cell, and added
-# without their phases, so there is no small-scale fading. We also fly without $\eta$ in the ray-traced world, so the two worlds differ in fading,
-# too. ([The results](../docs/results/real_city.md) give all settings.)
+# without their phases, so there is no small-scale fading. In the ray-traced world we fly without $\eta$, so the two worlds differ in fading, too.
+# ([The results](../docs/results/real_city.md) give all settings.)
 #
-# To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have
-# the mean SNR of the paper's model. In sight, therefore, the two models' *mean SNRs in dB* agree by
-# construction, and the comparison tests *where* the signal goes. At a bandwidth of 1 MHz, these
-# SNRs need only 0.1 µW of transmit power (at a noise figure of 5 dB). A real sensor sends with 40
-# to 60 dB more, so even its hidden links would carry data (14.3).
+# To get SNRs, we shift all the gains for a place by the same offset, chosen so that the mean SNR of
+# the pairs in sight is that of the paper's model. In sight, therefore, the two models' *mean SNRs
+# in dB* agree by construction, and the comparison tests *where* the signal goes. At a bandwidth of
+# 1 MHz, these SNRs need only 0.1 µW of transmit power (at a noise figure of 5 dB). A real sensor
+# sends with 40 to 60 dB more power, so even its hidden links would carry data (14.3).
 #
 # Take a device in a street in the west, and draw its rate to every cell, under both models. **Before you run
 # the cell:** where will the two maps differ most?
@@ -116,9 +116,9 @@ figure
 
 # %% [markdown]
 # On the right the bright area is wider, because the real street is more open than our 10 m grid
-# says. Beyond its edge the rate falls by a factor of 3 to 60 within one cell, and deep in the
-# shadow it falls by even more. In most cells it does not reach zero, because waves are bent
-# around the corner or reflected. In white cells the rate is below $10^{-5}$, or no ray arrives.
+# suggests. Beyond its edge the rate falls by a factor of 3 to 60 within one cell, and deep in the
+# shadow it falls by even more. In most cells it does not reach zero, because waves are bent around
+# corners or reflected. In white cells the rate is below $10^{-5}$, or no ray arrives.
 #
 # ## 14.3 Link by link
 #
@@ -156,15 +156,14 @@ for kind, state in kinds.items():
 # %% [markdown]
 # The paper's exponents are 2.27 and 3.64, with spreads of 1.4 and 2.2 dB.
 #
-# - **In sight** the exponent is *below* 2, the value in free space, because far from the device, reflections from the ground and the
+# - **In sight** the exponent is *below* 2, the value in free space, because, far from the device, reflections from the ground and the
 #   walls contribute up to 3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the **street canyon**
-#   effect. The 3 % of links far below the others are blocked by walls that our grid misses; without them the spread is 0.8 dB.
+#   effect. The 3 % of links far below the others are blocked by walls that our grid misses; without these links the spread is 0.8 dB.
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB or more, and for a third of them the tracer finds no path.
-# - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for
-#   each device and slot. Real shadow fading is correlated over 10 to 50 m, the ray tracer's, behind buildings, over 20 to 35 m.
-#   Such fading belongs to the place: fly by again, and the link is as bad as before. It is therefore a *map*
-#   that could be learned.
+# - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
+#   slot. Real shadow fading is correlated over 10 to 50 m, and the ray tracer's, behind buildings, over 20 to 35 m. Such fading
+#   belongs to the place: fly by again, and the link is as bad as before. It is therefore a *map* that could be learned.
 #
 # Is the model bad, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So
 # compare the rates:
@@ -177,9 +176,9 @@ print(f"correlation of the rates {np.corrcoef(*rates)[0, 1]:.2f}")
 
 # %% [markdown]
 # The correlation is high because both rates are high nearby and in sight, and low elsewhere. In detail they agree less: behind
-# buildings the correlation is only 0.54, and the RMS error over all pairs is more than half the mean rate, most of it from near
-# links in sight. Hidden links carry only 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger they
-# would carry 16 %.
+# buildings the correlation is only 0.54, and the RMS error over all pairs is more than half the mean rate, mostly because of
+# short links in sight. Hidden links carry only 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger
+# they would carry 16 %.
 #
 # The next figure shows, for each UAV cell, by how much the ray-traced rates exceed the model's, summed over all device cells:
 
@@ -202,7 +201,7 @@ figure
 #
 # Behind buildings, next to corners, the rays bring *more* than the model promises. Nine tenths of this
 # surplus comes from links that are at most 3 dB below free space. Our shadow map calls them hidden, but the
-# device is probably in view, past a wall that does not fill its cell.
+# device is probably visible past a wall that does not fill its cell.
 #
 # The ray tracer is a model, too. It contains no trees or cars, so it is too optimistic. It also leaves out scattering by rough
 # walls and waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible* channel, but not
@@ -230,12 +229,12 @@ for (name, radio), flights in flown.items():
     print(f"{name:<9}{radio:<11}{share:4.0%} collected, return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# The DDQN agent collects almost as much as greedy, but its return is far behind under either model: it flies until the failsafe
-# sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city` suffers from the
-# change of model, and only slightly.
+# The DDQN agent collects almost as much as greedy, but its return is far behind greedy's under either model: it flies until the
+# failsafe sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city` suffers
+# from the change of model, and only slightly.
 #
-# The recorded runs, made with an earlier version of the program, cover 900 missions (three seeds of 300) in
-# each place and both models. The next cell prints the lead of `any_city` over greedy in return:
+# The recorded runs, made with an earlier version of the program, cover 900 missions (300 for each of three
+# seeds) for each place and model. By how much does the return of `any_city` exceed greedy's?
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -261,16 +260,16 @@ for place in (*places, None):
 # The intervals are for *other missions over these four places*, and say nothing about a fifth place (13.5).
 #
 # The agent's mean return is 32.2 under either model, but under the ray-traced one it loses 0.9 in
-# Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead
+# Munich and 0.6 in Paris, and gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead
 # shrinks, mostly in Munich and Florence. Greedy is told nothing about the channel, so no wrong
 # belief misleads it. How much would the agent gain if it knew the ray-traced rates?
 #
 # ## 14.5 World and belief
 #
-# The agent does not measure the channel. It is *told*: one layer of its map says how much data a unit of time would bring over
-# each cell (notebook 12). Even in the ray-traced world, that layer is computed from the **paper's model**. There are therefore two
-# channels. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`. The **belief** says
-# what the agent expects: it is the environment from which its observation is computed, here `model`.
+# The agent does not measure the channel. It is *told*: one layer of its map says how much data a unit of time would bring over each cell
+# (notebook 12). Even in the ray-traced world, that layer is computed from the **paper's model**. So there are two channels. The **world**
+# decides what is really uploaded: it is the environment in which a policy flies, here `munich`. The **belief** says what the agent expects:
+# it is the environment from which its observation is computed, here `model`.
 #
 # Now change only the belief. At one extreme, the agent is told the world's own table, which only a genie
 # could know. At the other, it is told silence: that no data can be collected.
@@ -287,15 +286,16 @@ for name, belief in beliefs.items():
 
 # %% [markdown]
 # When told silence, the agent earns far less, probably because in training it never had to find data without
-# being told. The gap between the last two returns is roughly what can be gained by measuring. But the truth
-# is no upper bound for a network that was never trained with it, and over a hundred missions so small a gap
-# may be chance.
+# being told where it was. The gap between the last two returns is roughly what measuring can gain. But the
+# truth is no upper bound for a network that was never trained with it, and over a hundred missions so small
+# a gap may be chance.
 #
 # ## 14.6 Measure, then tell
 #
 # In each slot the device with the best SNR sends, so the UAV has to measure the SNRs of all devices. For this, each device
-# sends a known signal, a **pilot signal**. We assume that it can be measured down to −30 dB; what is weaker counts as −30 dB.
-# The UAV notes the device's cell, its own cell and the SNR, here without noise or position errors, which is the best case.
+# sends a known signal, a **pilot signal**. We assume that it can be measured down to −30 dB; anything weaker counts as
+# that. The UAV notes the device's cell, its own cell and the SNR, here without noise or position errors, which is the best
+# case.
 
 # %%
 from uavdh_lite.beyond.measured import expected, heard
@@ -315,12 +315,12 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 # 2. **Link by link.** Correct these lines by what was measured *nearby*: if a device in the next cell was 15 dB below the line, a device in this one
 #    probably is, too.
 #
-# For the second way, let $e$ be how far each measured SNR is above its line. Each measurement gets a weight $w$, which is 1
-# for the same two cells and falls with distance, to 0.6 if the device or the UAV is one cell away:
+# For the second way, let $e$ be the height of a measured SNR above its line, in dB. Each measurement gets a weight $w$,
+# which is 1 for the same two cells and falls with distance, to 0.6 if the device or the UAV is one cell away:
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum w\,e}{1 + \sum w}$$
 #
-# The 1 in the denominator is the line's own weight, so where nothing was measured nearby, the line stays as it is. The weights
+# The 1 in the denominator is the line's own weight, so where nothing was measured nearby, the line's value stands. The weights
 # ignore walls, which is crude. The method is **kernel smoothing**, a relative of Gaussian process regression.
 
 # %%
@@ -339,8 +339,8 @@ figure
 # %% [markdown]
 # Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any links of the device drawn here.
 #
-# How many earlier flights does a good belief take? The recorded runs have twelve *surveys*: sets of earlier flights, one for each seed and
-# place. Here is the agent's lead over greedy again (`line` stands for two lines, `link` for link by link; the number counts the flights):
+# How many earlier flights does a good belief require? The recorded runs have twelve *surveys*: sets of earlier flights, one for each seed
+# and place. Here is the agent's lead again (`line` stands for two lines, `link` for link by link; the number counts the flights):
 
 # %%
 for radio in worlds:
@@ -375,8 +375,7 @@ for radio in worlds:
 # - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings, where a
 #   ray arrives at all, the model is off by 21 dB (RMS).
 # - `any_city` is ahead of greedy over four real places, but by less under the ray-traced model than under the paper's.
-# - World and belief are two different things. Measuring, link by link and with many flights, corrects
-#   the belief.
+# - World and belief can differ. Measuring, link by link and with many flights, corrects the belief.
 #
 # ## Exercises
 #

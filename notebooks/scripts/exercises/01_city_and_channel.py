@@ -86,8 +86,8 @@ checks.rate_from_snr(rate)
 #
 # <details><summary>Another hint</summary>
 #
-# Solve for the logarithm of the unknown distance. A factor in front of a logarithm becomes a power
-# inside it.
+# Solve for the logarithm of the unknown distance. A factor in front of a logarithm becomes an
+# exponent inside it.
 # </details>
 
 # %%
@@ -102,7 +102,7 @@ checks.same_path_loss(same_loss_m)
 
 # %% [markdown]
 # Both formulas give the same path loss at 1 m. The UAV flies 10 m above the devices, so it is
-# always farther away than 1 m, and a building always makes the link worse.
+# always more than 1 m away from them, and a building always makes the link worse.
 
 # %% [markdown]
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)

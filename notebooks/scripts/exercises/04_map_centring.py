@@ -56,10 +56,10 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and from this cell on, southwards
-# and eastwards, M×M cells hold the layer. Or surround the layer with a border that is M − 1 cells
-# wide and has the value `outside` (np.pad), and cut out 2M − 1 rows, starting with row uav[0], and
-# as many columns, starting with column uav[1].
+# The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]). From there the layer fills M rows
+# southwards and M columns eastwards. Or surround the layer with a border that is M − 1 cells wide
+# and has the value `outside` (np.pad), and cut out 2M − 1 rows, starting with row uav[0], and as
+# many columns, starting with column uav[1].
 # </details>
 
 # %%

@@ -210,8 +210,7 @@ checks.learned_network(learn_network)
 
 # %% [markdown]
 # With $\gamma = 0.95$ the values explode: the network makes its own targets, and every step towards
-# a target raises the next target. Notebook 6 explains why, and in exercise 6.4 you mend the
-# network.
+# a target raises the next target. Notebook 6 explains why, and in exercise 6.4 you put this right.
 
 # %% [markdown]
 # ## 6.3 · A replay memory (3 points, 20 minutes)
@@ -284,9 +283,10 @@ checks.ring_buffer(Ring)
 # %% [markdown]
 # ## 6.4 · A target network (2 points, 20 minutes)
 #
-# Mend the network of 6.2: let a second network, the target network, make the targets. It begins as
-# a copy of the network that learns, the online network, and follows it slowly. After every update
-# each weight of the target network moves towards the corresponding weight of the online network:
+# Keep the values of 6.2 from exploding: let a second network, the target network, make the targets.
+# It begins as a copy of the network that learns, the online network, and follows it slowly. After
+# every update each weight of the target network moves towards the corresponding weight of the
+# online network:
 #
 # $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
 #
@@ -356,8 +356,8 @@ checks.learned_calmly(learn_calmly)
 # %% [markdown]
 # ## 6.5 · The double-DQN target (2 points, 10 minutes)
 #
-# The function below is wrong in two ways. Mend it. It should return a tensor of shape $(B,)$, the
-# targets $y$ of a minibatch of $B$ transitions from a state to the next state $s'$:
+# The function below is wrong in two ways. Correct it. It should return a tensor of shape $(B,)$,
+# the targets $y$ of a minibatch of $B$ transitions from a state to the next state $s'$:
 #
 # - `reward`: floats of shape $(B,)$, the reward $r$ of the transition
 # - `terminal`: bools of shape $(B,)$, whether the episode ended with that transition; if so, there

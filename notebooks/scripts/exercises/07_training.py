@@ -77,8 +77,8 @@ pair = State.concatenate([states[0:1], states[5:6]])  # two single states become
 print("a batch of", len(pair))
 
 # %% [markdown]
-# Write `train(environment, scenario, rewards, rounds, generator)`. In each round 16 UAVs fly one
-# step, and the network learns from one minibatch:
+# Write `train(environment, scenario, rewards, rounds, generator)`. In each round, 16 UAVs each fly
+# one step, and the network learns from one minibatch:
 #
 # 1. **act**: compute the Q-values of the states and the softmax policy, and draw an action for each
 #    UAV
@@ -105,11 +105,11 @@ print("a batch of", len(pair))
 # *collected and landed* is at least 20 percentage points above that of random flying (11 %), if $y$
 # was made by a network that lags behind the one that learns, and if your agent has learned that
 # nothing follows the end of an episode. Passing means that your agent learns, but not that
-# everything is right, so compare your loop, too, with [the algorithm on one
+# everything is right, so also compare your loop with [the algorithm on one
 # page](../../../docs/tutorials/pseudocode.md). With three seeds, our solution reached 50, 72 and 63
-# %. Before training, an agent with a network like ours mostly lands at once or never, so it
-# collects and lands 0 to 12 %. `REWARDS` counts 1 for each data unit, −0.1 for each step, −1 for
-# each action that the safety controller replaces, and −20 for a crash.
+# %. Before training, an agent with a network like ours mostly lands at once or never, so its
+# *collected and landed* is only 0 to 12 %. `REWARDS` counts 1 for each data unit, −0.1 for each
+# step, −1 for each action that the safety controller replaces, and −20 for a crash.
 #
 # <details><summary>Hint: the network</summary>
 #
@@ -211,9 +211,9 @@ checks.village_dqn(train)
 # %% [markdown]
 # How good is your agent? The next cell flies the same missions with your agent, with random, with
 # greedy, and with an agent that the library's own loop has trained for as many steps. This takes
-# another half minute. The library's recipe `small` has more than yours: 3-step returns, exploring
-# starts (flights that begin in mid-air), two convolutions, layer normalisation, and a crash that
-# costs 5 units at first and 20 later.
+# another half minute. The library's recipe `small` has several things that yours lacks: 3-step
+# returns, exploring starts (flights that begin in mid-air), two convolutions, layer normalisation,
+# and a crash penalty that rises from 5 units to 20.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -242,7 +242,7 @@ compare(ROUNDS)
 # %% [markdown]
 # Why does your agent do better or worse here than in the check? The check and the cell run the same
 # training code from the same first weights, and afterwards fly the agent through the same 500
-# missions. Only the random numbers of the training differ, and with them the missions from which
+# missions. Only the random numbers used in training differ, and with them the missions from which
 # the agent learns. For our solution this alone makes the difference between 50 % in the check and
 # 66 % here, so do not judge a change by a single seed.
 #
@@ -257,8 +257,8 @@ compare(ROUNDS)
 # <details><summary>What our solution reached with 6000 rounds</summary>
 #
 # With the seeds 0, 1 and 2 our solution collected and landed 96, 97 and 96 % of the data, and
-# greedy 99 %. The code was right, but 2000 rounds were too few: after 6000, an agent that one can
-# write in about forty lines is nearly as good as the rule.
+# greedy 99 %. The code was right, but 2000 rounds were too few: after 6000, an agent that takes
+# about forty lines of code is nearly as good as the rule.
 # </details>
 #
 # Does the *double* in double DQN help an agent like yours? Notebook 6 shows the effect of the
@@ -271,7 +271,7 @@ compare(ROUNDS)
 # `collected` (the collected data divided by all data, whether the UAV landed or not) and
 # `time_used` (the flying time used divided by the flying time given). The cell below shows nine
 # such validations, from training runs over an earlier map of Manhattan: one is of an agent trained
-# with the whole recipe `lite` (`all`), the others are of agents for which one part of the recipe
+# with the whole recipe `lite` (`all`); the others are of agents for which one part of the recipe
 # was replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). Each name ends with the
 # training seed and the number of steps, in thousands, after which the agent was validated.
 
@@ -413,7 +413,7 @@ for name in MAY_CHANGE:
 #
 # <details><summary>Hint</summary>
 #
-# The agent lands so early because it learned to fear the crash before it saw how much there is to
+# The agent lands so early because it learned to fear crashes before it saw how much there is to
 # collect. Must a crash cost as much at the beginning of the training as at its end?
 # </details>
 #

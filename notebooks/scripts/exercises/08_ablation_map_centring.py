@@ -130,7 +130,7 @@ checks.lead(lead)
 # Go through *all* such splits. Return the share of splits in which the difference between the two
 # groups' means is, in absolute value, at least as large as the observed difference. This share is
 # the two-sided p-value of the exact permutation test. The observed split counts as one of the
-# splits. Let differences that are equal up to 1e-9 count as equal, since sums of floats are
+# splits. Let differences that agree to within 1e-9 count as equal, since sums of floats are
 # rounded. You need only numpy and the standard library, and no random numbers.
 #
 # <details><summary>Hint</summary>

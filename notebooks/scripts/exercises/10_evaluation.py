@@ -41,7 +41,7 @@ from uavdh_lite.planners import Greedy
 # ## 10.1 · How many missions must land? (2 points, 12 minutes)
 #
 # A customer wants it in writing that at least 99 % of the flights land, with an interval to show it. You plan the test flights. How many do you
-# need, if `crashes` of them crash?
+# need if `crashes` of them crash?
 #
 # - `share`: the share of landings that is to be shown, between 0 and 1
 # - `crashes`: how many of the missions crash, 0 or more
@@ -85,9 +85,9 @@ def needed(share, crashes):
 checks.missions_needed(needed)
 
 # %% [markdown]
-# To show 99 %, each of the first three crashes costs another 150 to 180 missions, and later ones a
-# little less. But do not fly on until the number looks good and then stop, because with such **optional stopping** you would deceive
-# yourself. Decide how many missions to fly before the first of them takes off.
+# For a share of 99 %, each of the first three crashes costs another 150 to 180 missions, and each later one a little less. But do
+# not fly on until the number looks good and then stop, because with such **optional stopping** you would deceive yourself. Decide
+# how many missions to fly before the first of them takes off.
 
 # %% [markdown]
 # ## 10.2 · A city that defeats the agent (3 points, 12 minutes)

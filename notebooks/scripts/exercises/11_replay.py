@@ -36,8 +36,8 @@ from uavdh_lite.course import checks
 # ## 11.1 · What a memory still holds (1 point, 8 minutes)
 #
 # A city changes while an agent is being trained in it: buildings are torn down. From then on the
-# memory holds steps from the old city beside those from the new one. How large is the share of the
-# old steps?
+# memory holds steps from the old city beside those from the new one. How large is the share of old
+# steps in it?
 #
 # - `capacity`: how many items the ring holds at most
 # - `before`: how many items were added before the change, at least 1

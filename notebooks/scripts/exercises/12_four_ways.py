@@ -36,7 +36,7 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 12.1 · The failsafe's mask (2 points, 12 minutes)
 #
-# Which actions leave enough time to land? Cells are numbered from 0 on, and actions from 0 to 5: north, east, south, west,
+# Which actions leave enough time to land? Cells are numbered from 0, and actions from 0 to 5: north, east, south, west,
 # hover, land. You are given
 #
 # - `distance`: whole numbers, of shape (cells,), the moves from each cell to the landing zone: 0 in the zone, −1 where there is no way,
@@ -44,14 +44,14 @@ from uavdh_lite.course import checks
 # - `cell` and `time_left`: arrays of shape $(B,)$, where $B$ UAVs are and how many units of time they have left, at least 1.
 #
 # Every action takes one unit of time, landing included. Landing is possible only in the landing zone, and ends the flight.
-# Elsewhere it is refused, and takes its unit of time like hovering.
+# Elsewhere it is refused, and takes one unit of time, like hovering.
 #
 # Return a new array of Booleans, of shape $(B, 6)$: for each UAV and each action, whether the UAV can still land in time if it takes this
 # action now. The time needed is that of the action itself, of the moves home after it, and of the landing. Landing at once, in the zone,
 # always fits. (If nothing fits for a UAV, its row is all False. The library then lets the pilot do what it likes.)
 #
 # An example: the UAV is two moves from the zone and four units of time are left. It may fly home (one move, then one more and
-# the landing), and it may hover once. It must not fly further away.
+# the landing), and it may hover once. It must not fly further away from the zone.
 #
 # <details><summary>Hint</summary>
 #
@@ -99,7 +99,7 @@ checks.failsafe_mask(fits)
 #
 # An example with one cell: the rates are 3 and 2, and the devices have 4 and 9 units left. The
 # slots bring 3, 1, 2 and 2, together 8. The told layer says $\max(\min(12, 4), \min(8, 9)) = 8$,
-# too, but with 5 units at the first device it says 8, whereas the slots bring 9.
+# too. But if the first device has 5 units left, the layer still says 8, whereas the slots bring 9.
 #
 # <details><summary>Hint</summary>
 #

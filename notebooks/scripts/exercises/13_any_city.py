@@ -35,8 +35,8 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 13.1 · Turn the map, turn the action (2 points, 10 minutes)
 #
-# Every city is eight cities at no cost: four turns, and the same four of its mirror image. If the map is turned, the best action
-# turns with it. You are given
+# Every city is eight cities at no cost: it can be turned in four ways, and so can its mirror image. If the map is turned, the
+# best action turns with it. You are given
 #
 # - `layers`: a map, of shape $(C, W, W)$, north at the top,
 # - `action`: the number of an action: north 0, east 1, south 2, west 3, hover 4, land 5,

@@ -14,8 +14,8 @@
 #
 # At 0.5 for each step, a detour of ten steps costs 5 units of reward, about half of what a device's
 # data is worth. I therefore expect the agent to use at least 5 percentage points less of its time.
-# I also expect it to collect less, by about 5 points. If the interval over seeds of either
-# difference contains 0, I call that difference “not shown”.
+# I also expect it to collect less, by about 5 points. If, for either difference, the interval over
+# seeds contains 0, I call that difference “not shown”.
 #
 # ## 3 · What I do
 #
@@ -112,19 +112,19 @@ for name in recipes:
 # agree.
 #
 # The reason is not that they hurry. They have become *lazy*, as notebook 7 calls it (7.4): they use
-# 4 to 8 % of their flying time, land at once, and leave nearly all data behind. At half a unit for
-# each step, a first, clumsy flight costs more than it brings in. As a result, staying at home pays
-# best early in training, and an agent that stays at home never finds out what flying could bring.
-# That is my explanation and not a measurement; the training curves would show whether it is right.
-# Whether a dearer step makes an agent hurry is still open; to find out, I would need a price
+# 4 to 8 % of their flying time, land at once, and leave nearly all the data behind. At half a unit
+# for each step, a first, clumsy flight costs more than it brings in. As a result, staying at home
+# pays best early in training, and an agent that stays at home never finds out what flying could
+# bring. That is my explanation and not a measurement; the training curves would show whether it is
+# right. Whether a dearer step makes an agent hurry is still open; to find out, I would need a price
 # between 0.1 and 0.5.
 #
 # How sure am I? The interval of *collected* reaches down to −103, but no difference can be below
 # −100. The t formula takes it for granted that the results of different seeds are spread like a
 # bell curve, and with only three seeds, one far from the other two, its interval is rough. I trust
 # the sign of the difference, but not the ends of the interval. And the agents with the cheap step
-# are no triumph: the one of seed 0 collects 47 %, and the [template](project.ipynb) shows that the
-# same agent had 45 % before its training.
+# are no triumph: the one with seed 0 collects 47 %, and the [template](project.ipynb) shows that
+# the same agent had 45 % before its training.
 #
 # I do not conclude that 0.1 is the best value. The runs are short and the village is small. I also
 # changed the reward but measured *collected and landed*, which neither of the two recipes

@@ -72,5 +72,5 @@ for name, recipe in (("normal", normal), ("better", better)):
 # - **No baseline.** Is either of the agents as good as greedy?
 # - **The words.** “Better” is the name of the recipe, not its result.
 #
-# By the table in the [template](project.ipynb) this project earns none of the ten points. Nevertheless,
-# the idea is a good one. How would you test it?
+# According to the table in the [template](project.ipynb), this project earns none of the ten points.
+# Nevertheless, the idea is a good one. How would you test it?

@@ -36,11 +36,12 @@
 # ## 3 · What I do
 #
 # Use at least three seeds for everything, because one run shows what can happen, not what usually
-# happens. Six are better: if the agents differ as much, the interval over six is less than half as
-# wide ($2.6/\sqrt 6$ standard deviations on each side, against $4.3/\sqrt 3$), and a question of
-# ordinary size is seldom decided by three. A seed costs about a minute with the recipe of this
-# template, or with your own DQN. `recipe` holds all hyperparameters; change one of them, and keep
-# the rest. For a city of your own, begin with `from uavdh_lite.city import City`.
+# happens. Six are better: for the same spread between agents, the interval over six seeds is less
+# than half as wide as that over three ($2.6/\sqrt 6$ standard deviations on each side, compared
+# with $4.3/\sqrt 3$), and three seldom decide a question of ordinary size. A seed costs about a
+# minute with the recipe of this template, or with your own DQN. `recipe` holds all hyperparameters;
+# change one of them, and keep the rest. For a city of your own, begin with `from uavdh_lite.city
+# import City`.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
