@@ -15,9 +15,10 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect
 
 from uavdh_lite.beyond.measured import load_place
+from uavdh_lite.city import load_city
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.labs.page import write_page
-from uavdh_lite.missions import HandFlight, Mission
+from uavdh_lite.missions import HandFlight, Mission, as_json
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import data_folder
 
@@ -73,12 +74,11 @@ def shared(browser, address):
 def page(shared):
     """The page with the usual mission over manhattan in the tool Compare."""
     shared.set_viewport_size({"width": 1280, "height": 720})
-    wide = shared.locator(".map svg text", has_text=re.compile("^14$"))
-    choose(shared, "city", "village")
-    expect(wide).to_have_count(0)  # the list shows a city before the map does
-    choose(shared, "city", "manhattan")
-    wide.first.wait_for()
-    open_tool(shared, "Compare")
+    mission = Mission.draw(find_scenario("manhattan"), load_city("manhattan"), 0)
+    content = json.dumps(as_json(mission)).encode()
+    file = {"name": "usual.json", "mimeType": "", "buffer": content}
+    shared.locator(".file input").set_input_files(file)
+    expect(shared.locator(".refusal")).to_have_text("usual.json is open.")
     expect(shared.locator(".map svg")).to_have_count(2)
     return shared
 
@@ -332,7 +332,8 @@ def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
             page.keyboard.press(key)
             page.wait_for_timeout(300)
             expect(page.locator(f"[data-set='{name}']:focus")).to_have_count(1)
-    expect(output := page.locator(".controls output")).to_have_text("0 of 0")  # of a new mission
+    press(page, "New")
+    expect(output := page.locator(".controls output")).to_have_text("0 of 0")
     page.locator("#panel").focus()
     page.keyboard.press(" ")
     expect(output).to_have_text("1 of 1")

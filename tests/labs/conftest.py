@@ -1,10 +1,14 @@
 """The modules of the labs in a real browser, without the page around them."""
 
+import base64
 import json
 
 import pytest
 
+from uavdh_lite.city import load_city
 from uavdh_lite.labs.page import PACKAGE, bundle, data
+from uavdh_lite.missions import Mission, as_json
+from uavdh_lite.scenario import find_scenario
 
 DDQN = {"manhattan_ddqn": "manhattan_ddqn"}
 TELL = """async ({ base64, ...told }) => {
@@ -35,7 +39,7 @@ def shared(modules):
 def tell(modules, shared):
     """A function that tells the session something and returns the next scene.
 
-    It begins with the village, the tool Compare, random and greedy.
+    It begins with the village, the tool Compare, random and greedy, and nothing was before.
     """
 
     def tell(kind, refused="", **values):
@@ -43,8 +47,9 @@ def tell(modules, shared):
         assert refused in scene["refused"] and bool(scene["refused"]) == bool(refused), scene
         return scene
 
-    tell("city", name="village")
-    tell("tool", tool="compare")
-    for which, name in enumerate(("random", "greedy")):
-        tell("policy", which=which, name=name)
+    mission = Mission.draw(find_scenario("village"), load_city("village"), 0)
+    content = base64.b64encode(json.dumps(as_json(mission)).encode()).decode()
+    modules("() => Object.assign(lab, { history: [lab.stage], at: 0 })")
+    tell("open", name="mission.json", base64=content)
+    modules("() => Object.assign(lab, { history: [lab.stage], at: 0 })")
     return tell

@@ -120,11 +120,11 @@ def test_a_drag_is_one_change_and_none_if_it_ends_on_a_building(tell):
         assert there == ([7, 7] if cell == building else cell)
     back = tell("move", device=0, cell=building, drag=1, ends=True, refused="is a building")
     assert mission_of(back) == mission_of(before) and back["state"]["flown"] == "h"
-    assert len(back["past"]["stages"]) == len(before["past"]["stages"])
+    assert len(back["past"]["others"]) == len(before["past"]["others"])
     tell("move", device=0, cell=building, drag=2, ends=True, refused="is a building")
-    for cell in ([7, 7], [7, 6]):
-        after = tell("move", device=0, cell=cell, drag=3)
-    assert len(after["past"]["stages"]) == len(before["past"]["stages"]) + 1
+    drag = [tell("move", device=0, cell=cell, drag=3) for cell in ([7, 7], [7, 6])]
+    assert len(drag[0]["past"]["others"]) == len(before["past"]["others"]) + 1
+    assert drag[1]["past"] is None  # it is told when it changes
     assert mission_of(tell("undo", by=-1)) == mission_of(before)
 
 
@@ -139,6 +139,21 @@ def test_undo_brings_a_mission_back_and_redo_takes_it_again(tell):
     assert undone["state"]["looks"]["layer"] == "buildings"
     assert mission_of(tell("undo", by=1)) == after
     tell("undo", by=1, refused="nothing more to redo")
+
+
+def test_a_city_is_found_as_it_was_left(tell):
+    tell("new")
+    tell("policy", which=0, name="greedy")
+    tell("tool", tool="fly")
+    left = tell("fly", action="south")["state"]
+    assert left["policies"] == ["greedy", "random"]
+    tell("city", name="manhattan")
+    tell("tool", tool="compare")
+    back = tell("city", name="village")["state"]
+    assert back == left | {"tool": "compare"}
+    tell("tool", tool="fly")
+    assert tell("undo", by=-1)["state"]["flown"] == ""  # its moves, too
+    assert mission_of(tell("new")) != mission_of({"state": left})
 
 
 def test_undo_takes_back_moves_of_the_flight_in_fly_and_elsewhere_the_mission(
@@ -166,12 +181,13 @@ def test_undo_takes_back_moves_of_the_flight_in_fly_and_elsewhere_the_mission(
     tell("tool", tool="compare")
     assert flown(tell("undo", by=1)) == ("manhattan", "hs")
     assert flown(tell("undo", by=-1)) == ("village", "hsh")
-    assert tell("undo", by=1)["state"]["redo"] is False
+    last = tell("undo", by=1)
+    assert last["state"]["redo"] is False
     tell("tool", tool="fly")
-    past = tell("show", step=-1)["past"]
     opened("a.json", json.loads(saved("stage")))
     assert flown(tell("undo", by=-1)) == ("manhattan", "h")  # of a flight that was opened, too
-    modules("(past) => lab.recall(past)", past)  # as after a reload
+    tell("undo", by=1)
+    modules("(past) => lab.recall(past)", last["past"])  # as after a reload
     assert flown(tell("undo", by=-1)) == ("manhattan", "h")
     tell("tool", tool="compare")
     assert flown(tell("undo", by=-1)) == ("village", "hsh")  # past all moves of the same mission
@@ -270,7 +286,7 @@ def test_nobody_is_the_own_rival(tell, opened, saved):
     assert tell("policy", which=1, name="random")["state"]["policies"] == ["greedy", "random"]
     tell("city", name="manhattan")
     tell("policy", which=1, name="manhattan_ddqn")
-    there = tell("city", name="village")["state"]["policies"]  # where the agent is none
+    there = tell("city", name="open_field")["state"]["policies"]  # where the agent is none
     assert there == ["random", "greedy"]
     twice = json.loads(saved("stage")) | {"policies": ["greedy", "greedy"]}
     assert opened("a.json", twice)["state"]["policies"] == ["random", "greedy"]

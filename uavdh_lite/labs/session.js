@@ -38,7 +38,7 @@ const MESSAGES = {
   many: {},
   new: {},
   add: { cell: isCell },
-  city: { name: (name, { shelf, own }) => Object.hasOwn({ ...own, ...shelf.cities }, name) },
+  city: { name: (name, { cities }) => cities.includes(name) },
   data: { device: isDevice, value: Number.isFinite },
   duel: { wanted: isOf(-1, 0, 1) },
   fly: { action: isOf(...ACTIONS) },
@@ -90,7 +90,7 @@ export class Session {
    * @param {(told: object) => void} post takes what the page is told
    */
   constructor(data, post) {
-    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, ranking: [], notes: [] });
+    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, ranking: [], notes: [], past: [] });
     const [cities, scenarios] = [{}, {}];
     for (const { name, rows, scenario } of data.cities) {
       cities[name] = City.fromText(name, rows.join("\n"));
@@ -110,9 +110,8 @@ export class Session {
     const first = data.mission
       ? readFile(JSON.stringify(data.mission), this.shelf)
       : newStage(randomMission(Object.values(cities)[0], STORY, this.shelf), this.shelf);
-    this.stage = data.tool ? CHANGES.tool(first, { tool: data.tool }) : first;
+    this.history = [data.tool ? CHANGES.tool(first, { tool: data.tool }) : first];
     this.hangar = new Hangar(this.stage.mission, this.agents, this.places);
-    this.history = [this.stage];
   }
 
   /** The names of who can fly over a city: the agents made for it first, unless the reader gave one. */
@@ -123,17 +122,32 @@ export class Session {
     return [...knowing.map(([name]) => name), "greedy", "random"];
   };
 
-  /** The last missions over cities that are not on the shelf, such as a painted one, by the city's name. */
-  get own() {
-    const all = this.history.map(({ mission }) => [mission.city.name, mission]);
-    return Object.fromEntries(all.filter(([name]) => !Object.hasOwn(this.shelf.cities, name)));
+  get stage() {
+    return this.history[this.at];
   }
 
-  /** The name of a painted city: its own if it has one, else the next that no other has. */
-  paintedName(name = this.stage.mission.city.name) {
-    if (/^my_city(_\d+)?$/.test(name)) return name;
+  set stage(stage) {
+    this.history = this.history.map((each, k) => (k === this.at ? stage : each));
+  }
+
+  /** The names of all cities: those that were painted or opened, and those of the shelf. */
+  get cities() {
+    const shelf = Object.keys(this.shelf.cities);
+    const own = this.history.map(({ mission }) => mission.city.name).filter((name) => !shelf.includes(name));
+    return [...new Set([...own, ...shelf])];
+  }
+
+  /** The name of a city that is painted: its own, unless the shelf has it, else the next that no other has. */
+  paintedName(name) {
+    if (name && !Object.hasOwn(this.shelf.cities, name)) return name;
     const taken = this.history.slice(0, this.at + 1).map(({ mission }) => mission.city.name);
-    for (let k = 1; ; k += 1) if (!taken.includes((name = k > 1 ? `my_city_${k}` : "my_city"))) return name;
+    return ["my_city", ...taken.map((_, k) => `my_city_${k + 2}`)].find((each) => !taken.includes(each));
+  }
+
+  /** A stage of the history, looked at as one looks now. */
+  again(stage) {
+    const { tool, looks } = this.stage;
+    return { ...stage, tool, looks, point: null };
   }
 
   /** Does what the page tells, or says why it was not done. */
@@ -173,7 +187,7 @@ export class Session {
       tools: this.tools,
       state: this.summary(),
       stage: stageAsJson(stage),
-      past: { at, stages: history.map(stageAsJson), ranking: this.ranking },
+      past: this.newPast(),
       film,
       version: this.version,
       panel: { ...this.panel(flights), ...this.extra },
@@ -186,8 +200,18 @@ export class Session {
       fresh: !this.data.mission && !this.data.tool,
       working: Boolean(this.work),
     };
-    this.drawn = { stage, hangar, extra, history, at };
+    this.drawn = { hangar, extra, history, at };
     this.post({ kind: "scene", scene });
+  }
+
+  /** All beside the stage that a reload takes up again, the stages before and after it, if that is no longer what the page was told. */
+  newPast() {
+    const { at, ranking, history, past } = this;
+    const others = history.filter((_, k) => k !== at);
+    const now = [at, ranking, ...others];
+    if (now.length === past.length && now.every((each, k) => each === past[k])) return undefined;
+    this.past = now;
+    return { at, ranking, others: others.map(stageAsJson) };
   }
 
   summary() {
@@ -199,7 +223,7 @@ export class Session {
     return {
       ...look,
       city: mission.city.name,
-      cities: Object.keys({ ...this.own, ...this.shelf.cities }),
+      cities: this.cities,
       start: mission.start,
       devices: mission.devices.map((cell, k) => ({ cell, data: mission.data[k] })),
       most: mission.maxDevices,
@@ -313,15 +337,14 @@ export class Session {
     if (stage.mission !== mission || stage.flown !== flown) {
       const soon = ["move", "data", "time"].includes(kind) && performance.now() - this.last[1] < TOGETHER;
       const at = this.at + (this.last[0] === kind && (soon || kind.startsWith("drag")) ? 0 : 1);
-      const before = kind === "open" ? [...stage.flown] : []; // the moves of a flight that was opened
+      const before = kind === "fly" ? [] : [...stage.flown]; // the moves of a flight that comes whole
       const moves = before.map((_, k) => ({ ...stage, flown: stage.flown.slice(0, k) }));
       this.history = [...this.history.slice(0, at), ...moves, stage].slice(-KEPT);
       this.at = this.history.length - 1;
       this.last = [kind, performance.now()];
-    }
-    if (stage.mission !== mission) return this.show(stage);
-    if (String(stage.policies) !== String(policies)) this.extra = {};
-    this.stage = stage;
+    } else this.stage = stage;
+    if (stage.mission !== mission) this.settle();
+    else if (String(stage.policies) !== String(policies)) this.extra = {};
   }
 
   /** Where undo (−1) or redo (1) leads in the history: in Fly to the next move, elsewhere past all of a flight. */
@@ -334,10 +357,10 @@ export class Session {
     return at;
   }
 
-  show(stage) {
+  /** What belongs to a mission begins anew with another. */
+  settle() {
     this.extra = {};
-    this.stage = stage;
-    this.hangar = new Hangar(stage.mission, this.agents, this.places, this.hangar);
+    this.hangar = new Hangar(this.stage.mission, this.agents, this.places, this.hangar);
   }
 
   /**
@@ -371,18 +394,21 @@ export class Session {
   /** What is done that is no change of the stage alone. */
   does = {
     cancel() {},
+    /** A city is found as it was left. */
     city({ name }) {
-      const { shelf, stage, own } = this;
-      this.take(own[name] ? withMission(stage, own[name], shelf) : overCity(stage, shelf.cities[name], shelf), "city");
+      const city = this.shelf.cities[name];
+      const left = this.history.findLast(({ mission }) => mission.city.name === name && (!city || city.sameAs(mission.city)));
+      this.take(left ? this.again(left) : overCity(this.stage, city, this.shelf), "city");
     },
     undo({ by }) {
       const at = this.next(by);
       const there = this.history[at];
       require(there, `there is nothing more to ${by < 0 ? "undo" : "redo"}`);
-      const { mission, tool, looks } = this.stage;
+      const same = there.mission === this.stage.mission;
+      const stage = same ? { ...this.stage, flown: there.flown } : this.again(there);
       [this.at, this.last] = [at, ["undo", 0]];
-      if (there.mission !== mission) this.show({ ...there, tool, looks, point: null });
-      else this.stage = { ...this.stage, flown: there.flown };
+      this.stage = stage;
+      if (!same) this.settle();
     },
     /** A drag is one change; if it ends where nothing may stand, there was none. */
     move(told) {
@@ -470,7 +496,8 @@ export class Session {
     paint(told) {
       const places = ({ mission }) => [...mission.devices, mission.start];
       const before = places(this.stage);
-      this.take(CHANGES.paint(this.stage, { ...told, name: this.paintedName() }, this.shelf), "paint");
+      const name = this.paintedName(this.stage.mission.city.name);
+      this.take(CHANGES.paint(this.stage, { ...told, name }, this.shelf), "paint");
       const moves = places(this.stage).map((cell, thing) => ({ thing: thing < before.length - 1 ? `device ${thing}` : "the start", cell }));
       const moved = moves.filter(({ cell }, k) => String(cell) !== String(before[k]));
       if (moved.length) this.notes.push({ kind: "moved", moved });
@@ -503,14 +530,14 @@ export class Session {
   };
 
   /** Takes up what could be undone when the page was left. */
-  recall({ at, stages, ranking }) {
+  recall({ at, others, ranking }) {
     const text = (mission) => JSON.stringify(mission);
     const missions = new Map([[text(this.stage.mission.asJson()), this.stage.mission]]); // moves of a flight have the same one
-    const history = stages.map((each) => {
+    const stages = others.map((each) => {
       const stage = readFile(text(each), this.shelf);
       return { ...stage, mission: kept(missions, text(each.mission), () => stage.mission) };
     });
-    Object.assign(this, { history, at, ranking });
+    Object.assign(this, { history: [...stages.slice(0, at), this.stage, ...stages.slice(at)], at, ranking });
   }
 
   /** The stage of a file or a link: a stage, a mission, a city's picture, or an agent. */
@@ -518,7 +545,7 @@ export class Session {
     if (link) return readFile(await textOfLink(link), this.shelf, notes);
     if (file.size > 40_000_000) throw new InputError("this file is too large");
     if (/\.png$/i.test(file.name)) {
-      const city = await cityOfPicture(file, this.paintedName(""));
+      const city = await cityOfPicture(file, this.paintedName());
       return overCity(this.stage, city, this.shelf);
     }
     if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf, notes);

@@ -58,7 +58,7 @@ const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-to
  */
 export function draw(el, model) {
   const find = (selector) => el.querySelector(selector);
-  let [scene, version, drawnTool, update] = [null, null, null, () => []];
+  let [scene, past, version, drawnTool, update] = [null, null, null, null, () => []];
   let [asked, waiting, settle] = [0, [], () => {}]; // how much was asked, what is not answered yet, what is called when all is
   const next = new Map(); // what is asked when it has come, the last of each kind
   let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of what is to be kept
@@ -316,7 +316,7 @@ export function draw(el, model) {
     const state = stateNow();
     history.replaceState(state, "");
     try {
-      sessionStorage.setItem(LEFT, JSON.stringify({ ...state, past: scene.past }));
+      sessionStorage.setItem(LEFT, JSON.stringify({ ...state, past }));
     } catch {} // a frame may not have it
   }
 
@@ -397,6 +397,7 @@ export function draw(el, model) {
     scene(told) {
       const first = !scene;
       ({ scene } = told);
+      past = scene.past ?? past; // is told when it has changed
       if (first) return begin();
       if (!scene.refused && waiting.some(({ kind, number }) => kind === "open" && number === scene.number)) find(".drawer").close();
       waiting = waiting.filter(({ number }) => number !== scene.number);
