@@ -179,7 +179,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # ## 0.4 Two pilots for comparison
 #
 # Was that a good flight? A score means little as long as there is nothing to compare it with, so
-# throughout the course two simple pilots fly the same missions as the agent.
+# in this course two simple pilots fly the same missions as the agent.
 #
 # - **greedy** flies to the nearest device that still has data. When it has just enough time left to
 #   get home, it turns back. It does not learn; it was given a street map and this rule.
@@ -199,7 +199,7 @@ for name, each in flown.items():
 
 # %% [markdown]
 # Greedy always goes to the nearest device that still has data, and flies home at the end, so the
-# order of its visits does not depend on the flying time. The random pilot wanders about, and lands
+# order of its visits hardly depends on the flying time. The random pilot wanders about, and lands
 # as soon as it happens to draw `land` in the right place.
 #
 # One flight proves nothing, though. We chose this mission, and in others greedy beats the agent. A

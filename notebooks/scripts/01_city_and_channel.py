@@ -224,9 +224,9 @@ for distance in (0, 10, 20, 30, 100):
 # $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
 #
 # In a real street, shadow fading is *correlated*: the tree that is in the way now is still in the
-# way one step later, so the fading stays similar over tens of metres. The paper nevertheless draws
-# it anew in every slot, and so do we: if good luck came in runs, it could pay to leave a place with
-# bad luck, and the agent would have to remember its luck (notebook 3).
+# way one step later, so the fading stays similar over tens of metres. The authors' code
+# nevertheless draws it anew in every slot, and so do we: if good luck came in runs, it could pay to
+# leave a place with bad luck, and the agent would have to remember its luck (notebook 3).
 #
 # In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
 # data?

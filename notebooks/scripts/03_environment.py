@@ -138,8 +138,8 @@ ax.legend()
 figure
 
 # %% [markdown]
-# The black line falls while the UAV is on its way to a device and rises while data comes in. Its
-# last value is the return. An agent that looked no further than the next reward would land at once
+# The black line falls in a step that brings less than 0.2 units of data, and rises in one that
+# brings more. Its last value is the return. An agent that looked no further than the next reward would land at once
 # in this mission, because landing costs nothing. An agent therefore has to learn that a costly step
 # may bring in much more later. When data comes in after thirty steps, which of those steps deserve
 # the credit? This is the problem of **credit assignment**, and notebook 6 is about it.
@@ -184,7 +184,7 @@ for action in (NORTH, NORTH):
 #
 # One could also remove the forbidden actions from the agent's choices, which is called **masking**.
 # Then the agent would not have to learn where the walls are. The paper lets the agent try such
-# actions and pay, so it must learn to read the map.
+# actions and pay, so it must learn which they are.
 #
 # One disaster remains: the time is up, and the UAV is still in the air. Nothing is uploaded in a
 # step that ends an episode, whether by a crash, as here, or by a landing. (The paper leaves this
@@ -208,15 +208,15 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # ## 3.5 Who may send: four slots per step
 #
 # Each step has four communication slots, because much can change within a move of 10 m: the UAV may
-# come round a corner, and the fading changes. In each slot *one* device sends: the loudest of those
-# with data left, that is, the one with the best SNR. Sharing a channel by taking turns in time is
-# called **time division multiple access**, or TDMA (paper, eq. 3). The data that a step brings in
-# is the sum over its slots (eq. 4).
+# come round a corner. In each slot *one* device sends: the loudest of those with data left, that is,
+# the one with the best SNR. Sharing a channel by taking turns in time is called **time division
+# multiple access**, or TDMA (paper, eq. 3). The data that a step brings in is the sum over its slots
+# (eq. 4).
 #
 # Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
 # some missions would be lucky from start to end, and a pilot would first have to find out by
-# measuring whether its own mission is lucky. With four draws in each step most of the luck averages
-# out, so the geometry matters more than luck.
+# measuring whether its own mission is lucky. With four draws in each step most of this luck
+# averages out.
 #
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
 # only 1.5 units of data left:
