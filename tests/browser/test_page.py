@@ -164,6 +164,21 @@ def test_every_tool_fits_its_window(page):
             needs = (".map svg", ".flight .says", "h2", ".play")
         for needed in needs:
             assert visible(page, needed), (at, needed)
+        if at == ("phone", "Compare"):  # a sign says that the panel goes on, up to its end
+            signs = page.locator(".tool").evaluate(
+                """async each => {
+                    const drawn = () => new Promise((done) => requestAnimationFrame(
+                        () => requestAnimationFrame(done)));
+                    const signs = [];
+                    for (const place of [each.scrollHeight, 0]) {
+                        each.scrollTop = place;
+                        await drawn();
+                        signs.push(getComputedStyle(each, "::after").opacity);
+                    }
+                    return signs;
+                }"""
+            )
+            assert signs == ["0", "1"]
         expect(page.locator(".tool .legend")).to_have_count(1)
         violet = page.locator(".legend span", has_text="shadow").is_visible()
         assert violet == (title != "Channel"), at  # where shadows have a white edge
@@ -199,6 +214,9 @@ def test_no_type_is_small_on_a_projector_and_no_page_half_empty(page):
             .map(({ left, right }) => [left, right]).sort((one, other) => one[0] - other[0])"""
     )
     assert all(one[1] <= other[0] + 1 for one, other in pairwise(tops))
+    open_tool(page, "Compare")
+    assert visible(page, "[data-ask*=many]")  # what comes of it
+    assert page.get_by_role("slider", name="step").bounding_box()["width"] > 180
     page.evaluate("document.exitFullscreen()")
     page.wait_for_function("!document.fullscreenElement")
 
@@ -233,6 +251,9 @@ def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(brows
         assert page.locator(".tool h2").evaluate(
             "each => !each.checkVisibility({visibilityProperty: true})"
         )
+        press(page, "Go on")
+        expect(page.locator(".controls output")).not_to_have_text(re.compile("^0 of"))
+        expect(caption).to_contain_text("before they part for good")
         clock = page.locator(".controls input")
         clock.fill(clock.get_attribute("max"))
         expect(caption).to_contain_text("This mission was chosen because the difference shows.")
@@ -321,11 +342,24 @@ def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
     page.keyboard.press(" ")  # steers, though Again was pressed
     expect(page.locator(".controls output")).to_have_text("1 of 1")
     assert page.locator(".pad").bounding_box()["y"] == pad["y"]  # it does not jump
+    page.keyboard.press(" ")
+    expect(page.locator(".controls output")).to_have_text("2 of 2")
+    press(page, "one step back")
+    expect(page.locator(".no")).to_contain_text("after step 1 of 2; your next move goes on from")
     page.keyboard.press("L")
     expect(page.locator(".card")).to_contain_text("You landed with")
+    expect(page.locator(".no")).to_have_text("")
+    last = page.get_by_role("slider", name="step").get_attribute("max")
+    assert int(last) > 3  # the ghost flies on
+    expect(page.locator(".controls output")).to_have_text(f"{last} of {last}")
     expect(page.locator(".ranking tr")).to_have_count(2)
     press(page, "hover")
     expect(page.locator(".refusal")).to_contain_text("this flight is over")
+    page.locator(".refusal").click()
+    expect(page.locator(".refusal")).to_be_hidden()
+    press(page, "Compare with greedy")
+    expect(page.locator(".flight .name")).to_have_text(["you", "greedy"])
+    open_tool(page, "Fly")
     for name in ("policy-1", "city"):  # a list keeps the keys that choose in it
         page.locator(f"[data-set='{name}']").focus()
         for key in ("ArrowUp", "ArrowDown", "ArrowUp"):
@@ -424,7 +458,10 @@ def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
     expect(page.locator("div:has(> .curves) + p")).to_contain_text("Press near a point")
     expect(page.locator(".tool")).to_contain_text("The agents learn in the village")
     box = page.locator(".blue .dot").last.bounding_box()
+    page.locator(".controls select").evaluate("each => { each.value = 0.25; }")
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 15)  # below it
+    expect(page.locator(".play")).to_have_text("Pause")  # its flight plays
+    page.locator(".controls select").evaluate("each => { each.value = 1; }")
     flies = re.compile(
         "This flight: blue's agent after.* Over 100 missions.*↶ brings your mission", re.S
     )
@@ -479,12 +516,14 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
     page.mouse.click(*place(page, row, col))
     expect(page.locator(".refusal")).to_contain_text("Not painted: device 0 is there.")
     page.set_viewport_size({"width": 390, "height": 844})
+    swatches = page.locator(".swatches").bounding_box()
     page.locator(".map g[data-device='-1']").focus()
     for _ in range(2):
         page.keyboard.press("ArrowDown")
         page.wait_for_timeout(200)
     expect(page.locator(".warning")).to_contain_text("outside the landing zone")
-    assert visible(page, ".warning")  # though the palette is long
+    assert visible(page, ".warning")  # though the palette is long,
+    assert page.locator(".swatches").bounding_box() == swatches  # which does not jump
 
 
 def test_a_real_place_is_chosen_and_flown_by_its_table(page):
@@ -536,6 +575,7 @@ def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):
     choose(page, "layer", "value")
     expect(page.locator(".layer path")).not_to_have_count(0)
     page.get_by_label("centred").check()
+    expect(page.locator(".meaning")).to_contain_text("Pink: outside of the city.")
     page.keyboard.press("End")
     expect(page.locator(".map svg")).to_have_attribute("viewBox", re.compile(" 31 31$"))
     box = list(map(float, page.locator(".map svg").get_attribute("viewBox").split()))
@@ -659,6 +699,7 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
         choose(page, "run-1", "3")
         page.locator(".orange .dot").nth(4).dispatch_event("click")
         page.locator(".orange .dot.on").wait_for()
+        slider.press("End")  # its flight plays
         (shown,) = points()
         assert opened_by_link(shown_step(page)) == "Watch"
         page.reload()

@@ -426,7 +426,7 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
     )
     assert kinks == [3, None, None, 1]
     first = (
-        "Blue learns to land for good here, after 15,000 steps: "
+        "Blue learns to land for good at its dashed line, after 15,000 steps: "
         "30 of 100 missions landed at the point before, 92 at this one."
     )
     forgot = "Earlier, after 5,000 steps, 93 landed, but it forgot how."

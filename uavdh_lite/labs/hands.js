@@ -137,17 +137,19 @@ export function attend(stage) {
 
   const does = {
     skip: stage.skipStory,
+    go: stage.goOn,
+    refusal: () => stage.refuse(""),
     copy: stage.copyLink,
     more: () => (find(".drawer").open ? find(".drawer").close() : find(".drawer").show()),
     full: () => (document.fullscreenElement ? document.exitFullscreen() : el.requestFullscreen()),
   };
   el.addEventListener("click", (event) => {
-    const target = pressed(event).closest("button, [data-ask], .term");
+    const target = pressed(event).closest("button, [data-ask], .term, .refusal");
     if (!target) return;
     const { ask: asked, tool: name, sign, set } = target.dataset;
-    if (!target.matches(".skip, .play, .forward, .back")) stage.endStory();
+    if (!target.matches(".skip, .go, .play, .forward, .back")) stage.endStory();
     const does_ = Object.keys(does).find((each) => target.classList.contains(each));
-    if (asked) ask(JSON.parse(asked));
+    if (asked) [JSON.parse(asked)].flat().forEach(ask);
     else if (name) ask({ kind: "tool", tool: name });
     else if (sign) {
       brush.sign = sign;

@@ -87,12 +87,12 @@ export function draw(el, model) {
       next.set(told.kind, told);
       if (!waiting.length) askNext();
     },
-    /** Shows that something was not done, or what happened beside it, until the answer to what is done next; 8 seconds at most. */
+    /** Shows until the next action that something was not done, or for 8 seconds at most what was done. */
     refuse(text, done = false) {
       clearTimeout(refusing);
       find(".refusal").textContent = text;
       find(".refusal").classList.toggle("done", done);
-      refusing = setTimeout(() => (find(".refusal").textContent = ""), 8000);
+      if (done) refusing = setTimeout(() => stage.refuse(""), 8000);
     },
     fill(selector, html) {
       const place = find(selector);
@@ -119,6 +119,11 @@ export function draw(el, model) {
       TOOLS[scene.state.tool].point?.(stage, scene, stage.hovered);
     },
     endStory,
+    goOn() {
+      story.reads = false;
+      if (document.activeElement === find(".go")) find(".skip").focus({ preventScroll: true });
+      clock.show(clock.now.time, true);
+    },
     skipStory() {
       const end = clock.now.time >= clock.now.last;
       endStory();
@@ -154,7 +159,7 @@ export function draw(el, model) {
     if (!LONG.includes(told.kind)) {
       waiting.push(told);
       clearTimeout(slow);
-      slow = setTimeout(() => busy("Flying …"), SLOW);
+      slow = setTimeout(() => busy(told.kind === "values" ? "Working out the value of each cell …" : "Flying …"), SLOW);
     }
     model.send(told);
   }
@@ -201,10 +206,11 @@ export function draw(el, model) {
     find(".redo").disabled = !state.redo;
     paintDrawer();
     const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
-    const last = fly ? film.flights[0].path.length - 1 : lastStep(film);
+    const flown = film.flights[0].path.length - 1;
+    const last = fly && !scene.panel.you.ended ? flown : lastStep(film); // the ghost flies on to its end
     if (changed) {
-      const flies = fly && drawnTool === "fly" && last > clock.now.last;
-      clock.load(last, flies ? last - 1 : fly || state.step < 0 ? last : state.step, flies);
+      const flies = fly && drawnTool === "fly" && flown > clock.now.last;
+      clock.load(last, flies ? flown - 1 : fly || state.step < 0 ? last : state.step, flies);
     } else clock.show(clock.now.time, clock.now.playing);
     [version, drawnTool] = [scene.version, state.tool];
     if (stage.hovered && !film.city[stage.hovered[0]]?.[stage.hovered[1]]) stage.hovered = null;
@@ -353,7 +359,8 @@ export function draw(el, model) {
     const [other, lead] = many ? [many[1].who.subject, many[1].both[0] - many[0].both[0]] : []; // the first wins this mission
     const often = home ? ` Over 100 random missions, ${home} of the data home${lead > 0 ? `, so on average ${other} is ahead` : ""}.` : "";
     return [
-      [0, "Two drones, one mission: collect the devices' data, and land on a blue cell in time."],
+      [0, "Two drones, one mission: collect the devices' data, and land on a blue cell in time.",
+        "Dark: tall buildings. Red lines: no-fly zone. Violet: hidden from the device that is heard."],
       [parting ?? 0, `Here they part for good. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
       [Math.max(...results.map(({ steps }) => steps)),
         `${verdict} This mission was chosen because the difference shows.${often} Now it is your turn: drag a device, or fly yourself.`],
@@ -362,25 +369,21 @@ export function draw(el, model) {
 
   function tellStory(time, playing) {
     if (!story) return;
-    const [, text] = captions().filter(([from]) => from <= time).at(-1);
+    const [, text, about = ""] = captions().filter(([from]) => from <= time).at(-1);
     const caption = find(".caption");
     const end = time >= clock.now.last;
     caption.hidden = false;
+    if (find(".go")) find(".go").hidden = playing || end;
     if (caption.dataset.text === text) return;
     caption.dataset.text = text;
     const held = !caption.innerHTML || caption.contains(document.activeElement);
-    caption.innerHTML = `<p>${escaped(text)}</p><p><small>Orange ring: where each is before they part.</small></p>
-      <button type="button" class="skip">${end ? "Your turn" : "Skip the story"}</button>`;
+    caption.innerHTML = `<p>${escaped(text)}</p><p><small>${about} Orange ring: where each is before they part for good.</small></p>
+      <div class="row"><button type="button" class="go" hidden>Go on</button><button type="button" class="skip">${end ? "Your turn" : "Skip the story"}</button></div>`;
     if (held) find(".skip").focus({ preventScroll: true }); // so that Enter goes on
     story.reads = playing && !end;
     if (!story.reads) return;
-    const go = () => {
-      if (!story || caption.dataset.text !== text) return;
-      story.reads = false;
-      clock.show(clock.now.time, true);
-    };
     setTimeout(() => clock.show(Math.floor(time), false)); // between two steps the counter is already at the next
-    setTimeout(go, Math.max(6500, 70 * text.length)); // time to read it
+    setTimeout(() => caption.dataset.text === text && story?.reads && stage.goOn(), Math.max(6500, 70 * text.length)); // time to read it
   }
 
   function endStory() {
@@ -399,7 +402,8 @@ export function draw(el, model) {
       ({ scene } = told);
       past = scene.past ?? past; // is told when it has changed
       if (first) return begin();
-      if (!scene.refused && waiting.some(({ kind, number }) => kind === "open" && number === scene.number)) find(".drawer").close();
+      const answered = scene.refused ? "" : waiting.find(({ number }) => number === scene.number)?.kind;
+      if (answered === "open") find(".drawer").close();
       waiting = waiting.filter(({ number }) => number !== scene.number);
       if (!waiting.length) {
         clearTimeout(slow);
@@ -410,6 +414,7 @@ export function draw(el, model) {
       if (brush.cells) return; // a stroke is drawn until it is over
       if (!waiting.length) askNext(); // it is computed while this is drawn
       paint();
+      if (answered === "race") clock.show(0, true);
       if (!waiting.length && again.length) stage.ask(again.shift());
       if (!waiting.length) settle();
     },
@@ -430,7 +435,7 @@ export function draw(el, model) {
     attend(stage); // before the playback, so that it hears of keys first
     clock = playback(el, (time, playing) => {
       const texts = update(time, playing);
-      TOOLS[scene.state.tool].moment?.(stage, scene, time);
+      TOOLS[scene.state.tool].moment?.(stage, scene, time, playing);
       tellStory(time, playing);
       if (model.own) keeping ??= setTimeout(keep, KEEP);
       return texts;

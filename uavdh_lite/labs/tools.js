@@ -114,11 +114,9 @@ export const brush = { sign: "B", cells: null }; // cells: those of the stroke t
 export const TOOLS = {
   fly: {
     title: "Fly",
-    html({ film, panel, state }) {
+    html({ film, panel, state, tools }) {
       const { you, ghost, ranking, rival } = panel;
       const refusals = film.flights[0].refused.filter((action) => action);
-      const refused = film.flights[0].refused.at(-1);
-      const no = refused && !you.ended ? this.refusal(film, refused) : "";
       const key = (action, sign) => button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
       const pad = `<div class="pad">${key("hover", "hover")}${key("north", "↑")}${key("land", "land")}
         ${key("west", "←")}${key("south", "↓")}${key("east", "→")}</div>`;
@@ -129,11 +127,13 @@ export const TOOLS = {
             <tr><th></th><th>city</th><th>time given</th><th>${term("return")} against ghost</th><th>data</th></tr>
             ${ranking.map(rank).join("")}</table>`
         : "";
-      const head = you.ended ? this.card(you, ghost, rival, refusals) : this.help(you, rival);
+      const meet = [{ kind: "policy", which: 1, name: rival.name }, { kind: "policy", which: 0, name: "you" }, { kind: "tool", tool: "compare" }];
+      const both = tools.includes("compare") ? button(`Compare with ${escaped(rival.subject)}`, meet) : "";
+      const head = you.ended ? this.card(you, ghost, rival, refusals, both) : this.help(you, rival);
       const known = state.known.filter(([name]) => name !== "you");
       return `<div class="beside">${pad}<div class="row">${button("Again", { kind: "again" })}
         ${chooser("ghost", "policy-1", known, rival.name)}</div></div>
-        <p class="no" role="status">${no}</p>${head}${table}`;
+        <p class="no" role="status"></p>${head}${table}`;
     },
     refusal({ city, flights: [{ path }] }, action) {
       const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
@@ -145,22 +145,26 @@ export const TOOLS = {
     help: (you, rival) => `<h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land on a blue cell in time. Press the
       buttons, or keys: arrows move, space hovers, L lands; ↶ takes a move back. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
-    card(you, ghost, rival, no) {
+    card(you, ghost, rival, no, both) {
       const ahead = you.return - ghost.return;
       const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} step${each.steps === 1 ? "" : "s"}`;
       const end = you.landed ? `You landed with ${home(you)}.` : "The time ran out before you landed.";
       const other = ghost.landed ? home(ghost) : "a crash";
       const refused = no.length ? ` Refused actions: ${no.length}; each cost 1 and a step.` : "";
-      const names = ahead > 0 ? "You win" : `${upper(escaped(rival.subject))} wins`;
-      return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? "Level" : names}</h2>
+      const other_ = escaped(rival.subject);
+      const names = ahead > 0 ? `You win against ${other_}` : `${upper(other_)} wins`;
+      return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? `You and ${other_} are level` : names}</h2>${both}
         <p>${end}${refused} ${explained(upper(rival.title))}: ${other}. ${term("return", "Return")}:
         ${signed(you.return)} against ${signed(ghost.return)}.</p></div>`;
     },
     over: ({ film }) => `<path class="ghost-path"/><g class="uav ghost"><g transform="scale(${scaleOf(film.city.length)})">${UAV}</g></g>`,
     keys: { ...ARROWS, " ": "hover", l: "land", L: "land" },
-    // The ghost and its trail, as far as it has come at this time
-    moment(stage, { film }, time) {
+    // The ghost and its trail, as far as it has come at this time, and what is to be known before the next move
+    moment(stage, { film, panel: { you } }, time, playing) {
       const { path } = film.flights[1];
+      const refused = film.flights[0].refused.at(-1);
+      const back = time < you.steps && !playing && `This is after step ${Math.ceil(time)} of ${you.steps}; your next move goes on from the last.`;
+      stage.fill(".no", you.ended ? "" : back || (refused ? this.refusal(film, refused) : ""));
       const { place } = momentAt(film.flights[1], time);
       const trail = [...path.slice(0, Math.floor(time) + 1), place].map(([row, col]) => `${col} ${row}`);
       stage.find(".ghost")?.setAttribute("transform", at(place));
@@ -182,12 +186,11 @@ export const TOOLS = {
       const show = (step) => button(step + 1, { show: step }, `aria-label="stop before step ${step + 1}"`);
       const go = look.length ? `Stop before step ${look.map(show).join("")}` : "";
       const ring = parting === null ? "" : `<small>Orange ring: where each is before step ${parting + 1}.</small>`;
-      return `<h2>${explained(verdict)}</h2><p class="why">${explained(why.join(" "))}</p>
-        <div class="row">${go}</div>
-        <div class="row">${forAgents(scene, "Find a duel",
+      return `<h2>${explained(verdict)}</h2><div class="row">${go}${ring}</div><p class="why">${explained(why.join(" "))}</p>
+        <div class="choices"><div class="row">${forAgents(scene, "Find a duel",
           `Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)}`)}</div>
-        ${choosePolicies(scene, "left", "right")}
-        <table>${flown}${average(scene)}</table><div class="row">${manyButton(scene)}${ring}</div>`;
+        ${choosePolicies(scene, "left", "right")}</div>
+        <table>${flown}${average(scene)}</table><div class="row">${manyButton(scene)}</div>`;
     },
     over({ film, panel }, k) {
       if (panel.parting === null) return "";
@@ -257,11 +260,13 @@ export const TOOLS = {
         stage.fill(".layer-scale", ramp(lowest, signed(high), `value: ${WORDS.value}`));
       }
       if (centred) group.innerHTML += outside(size, name);
+      const pink = centred && name !== "no-fly zone" ? ` ${name in MEANINGS ? "" : CENTRED} Pink: outside of the city.` : "";
       if (name !== "value") stage.fill(".layer-scale", "");
       else if (panel.map?.step !== step) stage.askWhenFree({ kind: "values", step });
-      const most = Math.max(...film.flights[0].left[0].slice(0, -1));
-      const full = name.startsWith("data ") ? ` Full blue: ${most.toFixed(1)} units.` : "";
-      stage.fill(".meaning", (MEANINGS[name] ?? (centred ? CENTRED : "")) + full);
+      const [all, left] = [0, step].map((at) => film.flights[0].left[at].slice(0, -1));
+      const none = Math.max(...left) < 0.05 && " Nothing is left.";
+      const full = name.startsWith("data ") ? (name === "data left" && none) || ` Full blue: ${Math.max(...all).toFixed(1)} units.` : "";
+      stage.fill(".meaning", `${MEANINGS[name] ?? ""}${full}${pink}`);
     },
   },
 
@@ -354,7 +359,7 @@ export const TOOLS = {
         ${chooser(colour, `run-${k}`, pairs, looks.runs[k] ?? "")}</span>`;
       const about = looks.runs.map((run, k) => `${upper(RUNS[k])}: ${escaped(settings[run][1])}`);
       const [flight] = film.flights;
-      const verdict = `<p class="verdict" role="status">${says.map(escaped).join("<br>")}</p>`;
+      const verdict = `<p class="verdict" role="status">${[says.at(-1), ...says.slice(0, -1)].map(escaped).join("<br>")}</p>`; // how it ended
       const odd = runs.flatMap(({ points }) => points).find(({ steps }) => steps % 1000);
       return `<h2>Watch it learn in the ${escaped(village)}</h2><div class="row">${racer("blue", others(0), 0)}${racer("orange", [["", "nobody"], ...others(1)], 1)}
         ${chooser("shown", "metric", METRICS.map((each) => [each, each.replaceAll("_", " ")]), looks.metric)}</div>

@@ -111,7 +111,7 @@ const TEMPLATES = {
   fromTheStart: ({ run }) => `${upper(RUNS[run])} lands from the start.`,
   never: ({ run }) => `${upper(RUNS[run])} has not learned to land for good.`,
   kink: ({ run, steps, before, now, episodes }) =>
-    `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} missions landed at the point before, ${now} at this one.`,
+    `${upper(RUNS[run])} learns to land for good at its dashed line, after ${grouped(steps)} steps: ${before} of ${episodes} missions landed at the point before, ${now} at this one.`,
   forgot: ({ steps, landed }) => `Earlier, after ${grouped(steps)} steps, ${landed} landed, but it forgot how.`,
   falls({ run, from, to, sooner, episodes, hidden }) {
     const lands = to.landed === from.landed ? "it lands as often" : `it lands in ${to.landed} of ${episodes} missions, not in ${from.landed}`;
