@@ -125,10 +125,10 @@ for city, results in cities.items():
         print(f"{city:<11}{metric:<21}{mean:7.1%} ({low:.1%} to {high:.1%})  paper {paper:.1%}")
 
 # %% [markdown]
-# Our agents are above the paper's in every line. Are they better? The table cannot say, because the paper's maps
-# were never published as files. Ours, redrawn from the paper's text, may be easier than the originals. What the
-# table does say is that, on maps that fit the same description, a strengthened form of the method reaches the
-# paper's level.
+# Our shares are above the paper's in every line. Are our agents better? The table cannot say, because the
+# paper's maps were never published as files. Ours, redrawn from the paper's text, may be easier than the
+# originals. What the table does say is that, on maps that fit the same description, a strengthened form of the
+# method reaches the paper's level.
 #
 # ### What the three shares tell you
 #
@@ -149,8 +149,9 @@ print(f"the flights that landed had collected  {both / landed:.0%}")
 #
 # ### All of them landed
 #
-# In the table at the start of this section, the first line for the open field has an interval,
-# although every flight landed. What can you conclude from 1000 landings in a row?
+# In the table at the start of this section, the interval in the first line for the open field
+# reaches down to 99.6 %, although every flight landed. What can you conclude from 1000 landings in
+# a row?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -255,10 +256,10 @@ figure
 
 # %% [markdown]
 # On the left, the agent is furthest behind the genie where the flying time is short. Greedy has the
-# same trouble with short flying times: at the shortest it is level with the agent, and the orange
-# points do not fall from left to right as the blue ones do. A likely reason is that, when time is
-# short, a detour to the wrong device cannot be made up for, and only the genie knows beforehand
-# what a device will yield.
+# same trouble with short flying times: at the shortest times it is level with the agent, and the
+# orange points do not fall from left to right as the blue ones do. A likely reason is that, when
+# time is short, a detour to the wrong device cannot be made up for, and only the genie knows
+# beforehand what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings home
 # 98 to 99 %. So it is in the easy missions that the agent falls behind greedy.

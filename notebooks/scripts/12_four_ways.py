@@ -104,8 +104,8 @@ figure
 #
 # $$\text{time to land}(\text{next cell}) > b - 1$$
 #
-# The failsafe replaces such an action by the first move home. Many drones have a function like this, called *return to home*.
-# Does the failsafe work for any policy? Try one that knows nothing:
+# The failsafe replaces such an action with the first move home. Many drones have a function like this, called *return to
+# home*. Does the failsafe work for any policy? Try one that knows nothing:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -126,8 +126,8 @@ for name, one in {"paper": Environment(city), "failsafe": environment}.items():
 assert flights["landed"].all()
 
 # %% [markdown]
-# All flights with the failsafe land, and always will as long as the map is right and no wind makes
-# a step longer. But the return is still poor, because random moves collect little.
+# All flights with the failsafe land, and they always will, as long as the map is right and no wind
+# makes a step longer. But the return is still poor, because random moves collect little.
 #
 # What a rule guarantees need not be learned. No crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody
 # must know the rule.
@@ -188,8 +188,8 @@ print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
 
 # %% [markdown]
 # This is a whole flight, in which arrows are moves and L is the landing. Each state on the way, with the genie's action, is a
-# *labelled example*. The network gives a score to each action, and a softmax turns scores into probabilities $\pi(a \mid s)$.
-# The loss is the *cross-entropy*, the network's surprise at what the genie did:
+# *labelled example*. The network gives a score to each action, and a softmax turns the scores into probabilities $\pi(a \mid
+# s)$. The loss is the *cross-entropy*, the network's surprise at what the genie did:
 #
 # $$L = -\log \pi(a_{\text{genie}} \mid s)$$
 #
@@ -239,7 +239,7 @@ Quiz("why_own_starts")
 #
 # The genie plans without fading, so it does not allow for luck. And a copy makes errors that no further examples from the genie's own
 # flights would correct. Learning from reward needs neither a teacher nor a formula, because all that counts is how good a flight was.
-# Therefore the shipped agents that copied the genie then went on to learn from reward. For this, an agent draws its actions from
+# That is why the shipped agents that copied the genie learned from reward afterwards. To do so, such an agent draws its actions from
 # $\pi$, and flies each mission eight times:
 
 # %%
@@ -314,9 +314,9 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # - The **guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or
 #   collect little, and even the copies crash in about one mission in ten.
 # - **Telling** helps the copies. Under the guarantee, agents that learn from reward learn faster if they are told the layers,
-#   but here they only end level with those that are not. (In longer runs with today's program, the told ones end ahead by half a
-#   unit of return: see [the ladder](../docs/results/ladder.md).) Without the guarantee, all three runs of *tell + learn* crash
-#   in nearly every mission.
+#   but in these runs all of them end level. (In longer runs with today's program, those that are told end ahead by half a unit
+#   of return: see [the ladder](../docs/results/ladder.md).) Without the guarantee, all three runs of *tell + learn* crash in
+#   nearly every mission.
 # - **Copying** is ahead of learning from reward, with or without the guarantee. With the guarantee
 #   and the told layers, both collect about the same amount, but the copy does so in two thirds of
 #   the flying time, whereas the learner uses nearly all of it.

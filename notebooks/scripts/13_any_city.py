@@ -100,7 +100,7 @@ print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in b
 # ## 13.2 Is one network enough?
 #
 # What has to change in the network? Hardly anything. It is the network of the agent `manhattan`,
-# which copies a planner (notebook 12), except that its first fully connected layer is twice as
+# which copied a planner (notebook 12), except that its first fully connected layer is twice as
 # wide. The maps that an agent sees have always shown buildings, no-fly zones and landing zones. But
 # an agent with a single city can learn by heart what to do in each place, without looking at the
 # buildings, whereas an agent that wakes up in another city each time has to look.
@@ -126,10 +126,10 @@ for name, record in records.items():
 
 # %% [markdown]
 # All flights land, so the pilots differ mainly in how much of the data they collect. The Manhattan
-# specialist brings home far more than the random pilot, so something of what it learned holds
-# elsewhere, too. But it falls well behind the agent that has learned in many cities. The unknown
-# streets are one likely reason; another may be that the specialist was trained on narrower ranges
-# of flying time, data and numbers of devices than `any_city`.
+# specialist brings home far more than the random pilot, so some of what it learned holds elsewhere,
+# too. But it falls well behind the agent that has learned in many cities. The unknown streets are
+# one likely reason; another may be that the specialist was trained on narrower ranges of flying
+# time, data and numbers of devices than `any_city`.
 #
 # The greedy rule is a strong rival here, because it knows the shortest route between any two cells of any city. Whether the
 # difference between greedy and `any_city` is luck is a question for 13.5.

@@ -528,7 +528,7 @@ MISTAKES = {
     ],
     "data_layer": [
         (lambda size, uav, devices, data: np.zeros((size, size)), r"expected \(5, 5\)"),
-        (lambda size, uav, devices, data: np.zeros((2 * size - 1,) * 2), "its data stands there"),
+        (lambda size, uav, devices, data: np.zeros((2 * size - 1,) * 2), "its data goes there"),
     ],
     "fitted_line": [
         (stops_early, "even if the loss grows"),
@@ -586,7 +586,7 @@ MISTAKES = {
         (trained("cleared"), r"without `zero_grad\(\)` between them"),
         (lambda *case: Misspelt(), "stops with NotImplementedError.*forward"),
         (trained("gradient"), r"A gradient runs through y.*`torch.no_grad\(\)`. See line \d+, `"),
-        (trained("shape"), r"shape \(32,\) meets one of the shape \(32, 1\): that makes 32 × 32"),
+        (trained("shape"), r"shape \(32,\) meets one of shape \(32, 1\): that makes 32 × 32"),
         (trained("all"), "All four Q-values of a cell move towards y"),
         (trained("largest"), "The largest Q-value of each cell moves"),
         (trained("cell"), "the Q-values of the cell itself"),
@@ -684,7 +684,7 @@ MISTAKES = {
         ("L .\n. .", "it must have 16"),
         (ROWS.strip().replace(" ", "\n"), "at most 16 may"),
         ("L..", "not a valid city"),
-        ("...", "at least one sign must be L"),
+        ("...", "at least one character must be L"),
     ],
     "ring_buffer": [
         (NewestAtTheEnd, "gives item 5, expected item 6.*no longer at the end"),

@@ -53,8 +53,8 @@ channel = Channel()
 #
 # <details><summary>Another hint</summary>
 #
-# Adding 10 dB multiplies the power by ten, so the decibels belong in an exponent. What is its
-# base? The 1 is added to the ratio, and numpy has the logarithm to base 2.
+# Adding 10 dB multiplies the power by ten, so the decibels belong in an exponent. What is its base?
+# The 1 is added to the ratio, and numpy has a function for the logarithm to base 2.
 # </details>
 
 # %%
@@ -92,7 +92,7 @@ checks.rate_from_snr(rate)
 
 # %%
 def same_loss_m(nlos_distance_m):
-    """The distance in sight, m, with the path loss that a blocked link has at this distance, m."""
+    """The distance in sight, m, at which the path loss is that of the blocked link."""
     ### BEGIN SOLUTION
     return nlos_distance_m ** (channel.path_loss_exponent_nlos / channel.path_loss_exponent_los)
     ### END SOLUTION

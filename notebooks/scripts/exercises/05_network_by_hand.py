@@ -90,7 +90,7 @@ checks.fitted_line(fit)
 #
 # At each place where the kernel lies wholly inside the layer, multiply window and kernel cell by
 # cell, add up the products, and add the bias. Then apply ReLU: a number below 0 becomes 0. Return
-# the array of these values. For example, the kernel [[1, −1]] fits at two places of the layer [[1,
+# the array of these values. For example, the kernel [[1, −1]] fits at two places in the layer [[1,
 # 2], [3, 4]]. With a bias of 0 both sums are −1, so ReLU gives [[0], [0]].
 #
 # <details><summary>Hint</summary>

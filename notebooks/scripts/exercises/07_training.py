@@ -422,7 +422,7 @@ for name in MAY_CHANGE:
 # Begin with a crash that costs a few data units, about as much as a step brings in, and let this
 # cost grow to that of crash_reward_end. Explore more while the Q-values are still wrong
 # (temperature about 1), and use all 24,000 steps. The other settings need not change, though a
-# limit to the pull of large errors (huber_delta) is worth a try.
+# limit on the pull of large errors (huber_delta) is worth a try.
 # </details>
 
 # %%

@@ -65,7 +65,7 @@ from uavdh_lite.course import checks
 
 # %%
 def steps_to(steps, values, threshold):
-    """The environment steps from which on the curve stays at or above the threshold, or None."""
+    """The environment steps at which the curve reaches the threshold for good, or None."""
     ### BEGIN SOLUTION
     reached = None
     for step, value in zip(steps[::-1], values[::-1]):
@@ -122,10 +122,10 @@ checks.lead(lead)
 # ## 8.3 · A p-value for a few seeds (2 points, 15 minutes)
 #
 # Two kinds of training were run with a few seeds each. The results, one for each seed, are `a` and
-# `b`, two short arrays of numbers that need not be equally long. Suppose that the kind made no
-# difference. Then any other way of dealing out the same values, `len(a)` of them to a first group
-# and the rest to a second one, would have been as likely as the one observed. (Two equal values
-# still count as two values.)
+# `b`, two short arrays of numbers that need not be equally long. Suppose that the kind of training
+# made no difference. Then any other way of dealing out the same values, `len(a)` of them to a first
+# group and the rest to a second one, would have been as likely as the one observed. (Two equal
+# values still count as two values.)
 #
 # Go through *all* such splits. Return the share of splits in which the difference between the two
 # groups' means is, in absolute value, at least as large as the observed difference. This share is

@@ -96,7 +96,7 @@ checks.old_share(old_share)
 #
 # <details><summary>Hint</summary>
 #
-# What must probability times weight be, if each step is to count as much as any other?
+# What must probability times weight be if each step is to count as much as any other?
 # </details>
 #
 # <details><summary>Another hint</summary>

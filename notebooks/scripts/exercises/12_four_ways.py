@@ -56,7 +56,7 @@ from uavdh_lite.course import checks
 # <details><summary>Hint</summary>
 #
 # Look at the cell that each action leads to. How many units of time are left when the UAV is there, and how
-# many does it take from there to be on the ground?
+# many does it take from there to fly home and land?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -109,7 +109,7 @@ checks.failsafe_mask(fits)
 # <details><summary>Another hint</summary>
 #
 # For each cell begin with a copy of `left`. Four times: set the rate of empty devices to −infinity, take the largest, send the smaller of
-# that rate and what the device has left, and subtract it.
+# that rate and what the device has left, and subtract this amount.
 # </details>
 
 # %%

@@ -63,7 +63,7 @@ from uavdh_lite.course import checks
 
 # %%
 def reach_m(left_db, step_m):
-    """The first distance, m, at which what the line leaves over is hardly correlated any more."""
+    """The first distance, m, at which the residuals are hardly correlated any more."""
     ### BEGIN SOLUTION
     off = left_db - left_db.mean()
     for k in range(1, len(off)):

@@ -68,7 +68,8 @@ for name, recipe in (("normal", normal), ("better", better)):
 # - **No prediction.** Any increase would have been taken for a success.
 # - **The wrong score.** *Collected* also counts data that went down with the UAV. How many flights
 #   landed?
-# - **No interval, and only 100 missions.** By luck alone, two shares measured over 100 missions each differ by several percentage points.
+# - **No interval, and only 100 missions.** By luck alone, two shares, each measured over 100 missions, can differ by several percentage
+#   points.
 # - **No baseline.** Is either of the agents as good as greedy?
 # - **The words.** “Better” is the name of the recipe, not its result.
 #

@@ -95,7 +95,7 @@ untrained = [Trainer(scenario, recipe, seed).agent for seed in SEEDS]
 # %% [markdown]
 # The test missions are the same 500 for every agent and for greedy, so that their results can be
 # compared mission by mission. The agents also fly these missions before their training, because
-# only what training adds has been learned.
+# only what training adds to that result has been learned.
 
 # %%
 METRIC = "collected_and_landed"
@@ -138,8 +138,8 @@ print("The prediction was", "right" if high < -5 else "wrong" if low > -5 else "
 # %% [markdown]
 # ## 5 · What I conclude, and what I do not
 #
-# *Three to five sentences. Was the prediction right? How sure are you, and over what: missions,
-# seeds, cities? What else could explain it? What would you do next?*
+# *Three to five sentences. Was the prediction right? How sure are you, and with respect to what:
+# missions, seeds, cities? What else could explain it? What would you do next?*
 #
 # Here is the template's own conclusion, as an example: by the rule of section 2 the question is
 # undecided, since the interval over seeds contains −5. Each of the three agents is far behind

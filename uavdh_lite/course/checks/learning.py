@@ -99,7 +99,7 @@ class Watched(TorchFunctionMode):
             if equal and spread.max() - spread.min() > 0.01:  # so the errors are not
                 raise CheckFailed(
                     "All errors, small or large, move their Q-values equally. The loss must be the "
-                    "mean of the errors' squares, not of their sizes."
+                    "mean of the squared errors, not of their sizes."
                 )
             learns = (slope != 0).any(1)
             self.largest &= torch.equal(slope.abs().argmax(1)[learns], q.argmax(1)[learns])
@@ -172,7 +172,7 @@ def _compared(one: Tensor, other: Tensor, as_loss: bool) -> None:
     n = max(one.numel(), other.numel())
     if n > 1 and {tuple(one.shape), tuple(other.shape)} == {(n,), (n, 1)}:
         raise CheckFailed(
-            f"A tensor of the shape {tuple(one.shape)} meets one of the shape "
+            f"A tensor of shape {tuple(one.shape)} meets one of shape "
             f"{tuple(other.shape)}: that makes {n} × {n} numbers. Give both the same shape."
         )
     flows = one.grad_fn is not None and other.grad_fn is not None and torch.is_grad_enabled()

@@ -115,7 +115,7 @@ def wrong_flight(actions: list[str]) -> str:
     if not flight.landed and len(actions) < FLYING_TIME:
         return "The list ends with the UAV in the air: its last action must be `land`."
     if not flight.landed:
-        return f"The flying time ran out after {FLYING_TIME} units. The landing takes one, too."
+        return f"The flying time ran out after {FLYING_TIME} units. Landing takes one of them."
     if len(actions) > len(flight.action):
         return f"Landing at step {len(flight.action)} ends the flight: make `land` the last action."
     left = flight.data_left[-1, :2]

@@ -14,8 +14,8 @@ from uavdh_lite.streams import Use, stream
     rules={
         "The rate is log2(1 + SNR), with the SNR as a ratio of powers: 0 dB is a ratio of 1, so "
         "the rate there is log2(2) = 1.": [0.0],
-        "10 dB more is ten times the power, so the ratio is 10 ** (snr_db / 10), near 0 dB and "
-        "far from it. Nothing is rounded.": [
+        "Adding 10 dB multiplies the power by ten, so the ratio is 10 ** (snr_db / 10), near 0 dB "
+        "and far from it. Nothing is rounded.": [
             10.0, -10.0, 3.0, 20, -15.0, 25.5, -30.0, -60.0, 55.25, 150.0, 0.001,
         ],
         "An array has a rate for each element: use np.log2 and ** on the whole array, without a "

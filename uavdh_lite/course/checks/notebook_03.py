@@ -71,7 +71,7 @@ def step_of(answer, flight, step):
         "A step uploads no more than the device has left: keep track of that.": [("A", 4)],
         "The step in which the UAV lands does not cost the 0.2, and nothing is uploaded in "
         "it.": [("A", 6)],
-        "Nothing is uploaded in the step that ends a flight. The time has run out in the air: the "
+        "Nothing is uploaded in the step that ends a flight. Here time runs out in the air: the "
         "penalty for the crash is added to that of the controller and to the 0.2.": [("B", 3)],
     },
     mistakes={

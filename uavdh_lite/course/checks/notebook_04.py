@@ -62,7 +62,7 @@ def scattered(size, uav, count):
     "4.2 · The devices on the map (2 points, 12 minutes)",
     rules={
         "The map has (2M − 1)×(2M − 1) cells. On it, a device is as far from the middle, (M − 1, "
-        "M − 1), as its cell is from the UAV's, and its data stands there; all else is 0.": [
+        "M − 1), as its cell is from the UAV's, and its data goes there; all else is 0.": [
             (3, (1, 1), 1), (3, (0, 2), 2), (4, (3, 1), 2), (8, (0, 6), 5), (2, (1, 0), 1),
         ],
         "There may be any number of devices, even none, and one may be right below the UAV.": [

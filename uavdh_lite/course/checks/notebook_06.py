@@ -111,7 +111,7 @@ EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it doe
         ],
         "y is the reward plus γ times the largest Q-value of the next cell. With γ = 0.95, "
         "the start is worth 6.7 in the end.": [(200, 0.95, 0.5), (200, 0.95, 1.0), (200, 1.0, 0.5)],
-        "With another γ, a device elsewhere or another price of a step, the values are different. "
+        "With another γ, a device elsewhere or another cost per step, the values are different. "
         "A step may also pay: it is `ended` that says that an episode ends, not the reward.": [
             (200, 0.5, 0.5), (200, 0.9, 0.5, (1, 1), 0.5), (200, 0.0, 0.8, (2, 3), 1.0),
             (200, 0.5, 0.5, (0, 3), -0.5),

@@ -256,11 +256,11 @@ def wrong_recipe(recipe: Recipe) -> str:
     print(said)
     if means["collected_and_landed"] >= LEAST_SCORE:
         return ""
-    why = "Let it explore more at first, use all the steps, and raise the price of a crash early."
+    why = "Let it explore more at first, use all the steps, and raise the cost of a crash early."
     if recipe.crash_reward < -20:
-        why = "A crash costs too much from the start: begin with a small price and let it grow."
+        why = "A crash costs too much from the start: begin with a small cost and let it grow."
     elif recipe.crash_reward_end < 1.5 * LEAST_PENALTY:
-        why = f"At the end the price of a crash drowns out all else: {LEAST_PENALTY:g} is enough."
+        why = f"At the end the cost of a crash drowns out all else: {LEAST_PENALTY:g} is enough."
     return f"{said}; at least {LEAST_SCORE:.0%} collected and landed are required. {why}"
 
 

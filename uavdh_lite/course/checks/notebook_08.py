@@ -41,11 +41,11 @@ def random_curves():
         ],
         "A value that equals the threshold has reached it: only a smaller one, by however little, "
         "is below it.": [(RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)],
-        "From the result on, all values must be at least the threshold, up to the last one, in any "
+        "All values from your validation to the last must be at least the threshold, in any "
         "curve and with any distances between validations.": list(random_curves()),
     },
     mistakes={
-        "That is the first crossing. The curve falls back later: find where it begins to stay.": (
+        "That is the first crossing. The curve falls back later: find the last crossing.": (
             lambda steps, values, threshold: next(
                 (float(s) for s, v in zip(steps, values, strict=True) if v >= threshold), None
             )
@@ -56,7 +56,7 @@ def random_curves():
     case=curve,
 )
 def steps_to(steps, values, threshold):
-    """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
+    """`steps_to(steps, values, threshold)`: the steps at which it is reached for good, or None."""
     below = np.flatnonzero(values < threshold)
     first = below[-1] + 1 if len(below) else 0
     return float(steps[first]) if first < len(steps) else None

@@ -53,7 +53,7 @@ def simple_low_end(landed, missions):
         "That is the simple interval, a mere point as long as nothing crashes. Take Wilson's.": (
             lambda share, crashes: missions_needed.solution(share, crashes, simple_low_end)
         ),
-        "Your number is one too small: only with one mission more is the share reached.": (
+        "Your number is one too small: only with one more mission is the share reached.": (
             lambda share, crashes: missions_needed.solution(share, crashes) - 1
         ),
     },
@@ -81,7 +81,7 @@ def scores(city: City) -> list[float]:
 
 def wrong_city(text: str) -> str:
     if "L" not in text:
-        return "That city has no landing zone: at least one sign must be L."
+        return "That city has no landing zone: at least one character must be L."
     try:
         city = City.from_text("mine", text)
     except InputError as error:

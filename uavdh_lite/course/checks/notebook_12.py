@@ -45,7 +45,7 @@ def situation(name, cell, time_left):
         ],
     },
     mistakes={
-        "You leave too little time: action and landing take one unit each, besides the way home.": (
+        "You leave too little time: on top of the way home, action and landing take a unit each.": (
             lambda *case: failsafe_mask.solution(*case, spare=1)
         ),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
@@ -97,7 +97,7 @@ def one_device(rate, left):
     },
     mistakes={
         "That is the notebook's estimate, one device for all four slots. When the loudest is "
-        "empty, the next loudest has the slots that are left.": one_device,
+        "empty, the next loudest gets the slots that are left.": one_device,
         "Only one device sends in a slot, so all share the four slots. You give each all four.": (
             lambda rate, left: np.minimum(4 * rate, left[:, None, None]).sum(0)
         ),

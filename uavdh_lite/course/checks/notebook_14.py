@@ -7,7 +7,7 @@ from uavdh_lite.streams import Use, stream
 
 
 def along(cells, resembles, step_m=10):
-    """What the line leaves over in so many cells, each a little like the one before; or a list."""
+    """Residuals in so many cells, each a little like the one before; or a list."""
     if isinstance(cells, list):
         return np.array(cells), step_m
     generator = stream(Use.EXERCISE, cells)
@@ -44,7 +44,7 @@ def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
         "That is a number of cells: multiply it by step_m.": (
             lambda left_db, step_m: first_below(left_db, 1)
         ),
-        "Subtract the mean first: a street that is bad as a whole is not yet correlated.": (
+        "Subtract the mean first: values that are all low need not be correlated.": (
             lambda left_db, step_m: first_below(left_db, step_m, centred=False)
         ),
         "The further apart the cells, the fewer pairs there are: compare means, not sums.": (
@@ -73,7 +73,7 @@ def prior(line_db, heard_db, weight):
         "sum of the weights.": [
             ([-10], [-20], [1]), ([-10], [-20, -30], [1, 0.5]), ([3], [5, 1, 9], [0.2, 1, 0.6]),
         ],
-        "If nothing was heard nearby, the line stays.": [([-7.5], [], []), ([-7.5], [4], [0])],
+        "If nothing was heard nearby, believe the line.": [([-7.5], [], []), ([-7.5], [4], [0])],
         "Many measurements outweigh the line.": [([0], [-15] * 50, [1] * 50)],
     },
     mistakes={
