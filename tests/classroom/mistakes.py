@@ -581,7 +581,7 @@ MISTAKES = {
             lambda memory, gamma, updates: trained("")(memory, gamma, 1500),
             "updates = 1,000 `backward` is called 1,500 times",
         ),
-        (trained("sizes"), "the mean of the errors' squares"),
+        (trained("sizes"), "the mean of the squared errors"),
         (trained("part"), "Some weights never change"),
         (trained("cleared"), r"without `zero_grad\(\)` between them"),
         (lambda *case: Misspelt(), "stops with NotImplementedError.*forward"),
@@ -651,7 +651,7 @@ MISTAKES = {
         (lambda s, v, t: stays_above(s, v, t, np.greater), "that equals the threshold"),
         (
             lambda s, v, t: next((s[k] for k in range(len(s)) if min(v[k : k + 3]) >= t), None),
-            "up to the last one",
+            "from your validation to the last",
         ),
     ],
     "lead": [
