@@ -116,7 +116,7 @@ export const TOOLS = {
     title: "Fly",
     html({ film, panel, state, tools }) {
       const { you, ghost, ranking, rival } = panel;
-      const refusals = film.flights[0].refused.filter((action) => action);
+      const refusals = film.flights[0].refused.filter((action) => action).length;
       const key = (action, sign) => button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
       const pad = `<div class="pad">${key("hover", "hover")}${key("north", "↑")}${key("land", "land")}
         ${key("west", "←")}${key("south", "↓")}${key("east", "→")}</div>`;
@@ -150,7 +150,7 @@ export const TOOLS = {
       const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} step${each.steps === 1 ? "" : "s"}`;
       const end = you.landed ? `You landed with ${home(you)}.` : "The time ran out before you landed.";
       const other = ghost.landed ? home(ghost) : "a crash";
-      const refused = no.length ? ` Refused actions: ${no.length}; each cost 1 and a step.` : "";
+      const refused = no ? ` Refused actions: ${no}; each cost 1 of the return and a unit of time.` : "";
       const other_ = escaped(rival.subject);
       const names = ahead > 0 ? `You win against ${other_}` : `${upper(other_)} wins`;
       return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? `You and ${other_} are level` : names}</h2>${both}
