@@ -4,6 +4,7 @@ import base64
 import html
 import json
 import re
+import zlib
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise, product
@@ -456,7 +457,7 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
 def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
     open_tool(page, "Watch")
     expect(page.locator("div:has(> .curves) + p")).to_contain_text("Press near a point")
-    expect(page.locator(".tool")).to_contain_text("The agents learn in the village")
+    expect(page.locator(".flies")).to_contain_text("in the village; until then the map shows your")
     box = page.locator(".blue .dot").last.bounding_box()
     page.locator(".controls select").evaluate("each => { each.value = 0.25; }")
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 15)  # below it
@@ -531,6 +532,10 @@ def test_a_real_place_is_chosen_and_flown_by_its_table(page):
     expect(page.locator(".place")).to_contain_text("© OpenStreetMap contributors, ODbL")
     open_tool(page, "Channel")
     expect(page.locator(".ledger")).to_contain_text("in flights, from traced rays")
+    both = re.compile(
+        r"in the model [\d.]+ units a slot.*; in flights here, by traced rays, [\d.]+\."
+    )
+    expect(page.locator(".sentence")).to_contain_text(both)
     open_tool(page, "Fly")
     for key in ("ArrowLeft", "ArrowUp", "ArrowUp"):
         page.keyboard.press(key)
@@ -643,6 +648,13 @@ def test_a_reload_loses_nothing_that_was_done_shortly_before(browser, address):
         for there in ("village", "my_city", "empty 8 × 8"):
             undo.click()
             expect(city).to_have_value(there)
+        page.reload()
+        expect(city).to_have_value("empty 8 × 8")
+        field = Mission.draw(find_scenario("open_field"), load_city("open_field"), 0)
+        packed = zlib.compress(json.dumps(as_json(field)).encode())
+        link = f"#stage={base64.urlsafe_b64encode(packed).decode().rstrip('=')}"
+        page.evaluate("link => { location.hash = link; location.reload(); }", link)
+        expect(city).to_have_value("open_field")  # not what was there when the page was left
 
 
 def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, address, tmp_path):

@@ -88,11 +88,23 @@ def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time(
          "2.7 units in step 7; two collects less than 0.1 units."),
         (flown(0, 1, 2, 3, left=[9, 9, 7.1, 7.1]), flown(0, 10, 20, 30, left=[9, 9, 6.9, 6.9]),
          "At step 1, one flies east, while two flies south."),  # both get it
+        (flown(0, 1, 2), flown(0, 1, 2), "Both fly the same way."),
+        (flown(0, 1, 11), flown(0, 10, 11),
+         "They first act differently at step 1, but end at the same time in the same cell, with"),
+        (flown(0, 1, 2, 3, left=[9, 5, 2, 2]), flown(0, 10, 10, left=[9, 2, 2]),
+         "One collects 0.1 units or more for the last time in step 2, from device 0, 1 step from "
+         "home; two collects 0.1 units or more for the last time in step 1, from device 0, 1 step "
+         "from home."),
+        (flown(0, 1, 2, 3, left=[9, 5, 0, 0]), flown(0, 10, 10, 10, 10, left=[9, 0, 0, 0, 0]),
+         "One has everything after step 2, the last of it from device 0, 1 step from home; two has "
+         "everything after step 1, the last of it from device 0, 1 step from home, and lands 3 "
+         "steps later."),
     ],
 )  # fmt: skip
 def test_what_is_said_of_a_parting_is_what_both_do(modules, first, second, said):
     script = f"""(both) => {{ {WHO} const part = compare_js.parting(...both, 10);
-        return compare_js.reasons([one, two], both, part, 10).map(say); }}"""
+        const where = {{ size: 10, timeToLand: Array(100).fill(1) }};
+        return compare_js.reasons([one, two], both, part, where).map(say); }}"""
     assert said in " ".join(modules(script, [first, second]))
 
 
@@ -180,6 +192,59 @@ def test_a_duel_is_what_was_asked_for_and_its_reasons_are_what_the_flights_did(t
     tell("city", name="manhattan")
     for _ in range(3):
         check_duel(tell("duel", wanted=wanted), wanted)
+
+
+def test_who_brings_as_much_sooner_had_all_sooner_or_was_nearer_home(modules, tell):
+    tell("city", name="manhattan")
+    script = """(count) => Array.from({ length: count }, (_, seed) => {
+        const mission = state_js.randomMission(lab.stage.mission.city, seed, lab.shelf);
+        const names = ["manhattan_ddqn", "greedy"];
+        const who = names.map((name) => flights_js.whoIs(name, lab.agents));
+        const { environment } = lab.hangar;
+        const flights = names.map((name) => lab.hangar.fly(mission, name));
+        const part = compare_js.parting(...flights, environment.size);
+        const facts = compare_js.reasons(who, flights, part, environment);
+        const said = facts.filter(({ kind }) => ["lasts", "same"].includes(kind));
+        const flown = ({ uavCell, action, dataLeft, landed }) =>
+            ({ cells: [...uavCell], action: [...action], landed,
+                left: dataLeft.map((each) => [...each]) });
+        return { flights: flights.map(flown), says: said.map(words_js.sentence).join(" ") };
+    })"""
+    environment, counts = Environment(load_city("manhattan")), [0, 0]
+    for found in modules(script, 200):
+        flights, says = found["flights"], found["says"]
+        one, two = (sum(flight["left"][-1]) for flight in flights)
+        home = all(flight["landed"] for flight in flights)
+        sooner = len(flights[0]["action"]) != len(flights[1]["action"])
+        told = re.findall(
+            r"(has everything after|for the last time in) step (\d+), (?:the last of it )?from "
+            r"device (\d), (\d+) steps? from home(?:, and lands (\d+) steps? later)?[;.]",
+            says,
+        )
+        assert len(told) == 2 * (home and sooner and abs(one - two) < 0.5)
+        for flight, (what, step, device, way, after) in zip(flights, told, strict=False):
+            total = [sum(each) for each in flight["left"]]
+            k, given = int(step), np.subtract(*flight["left"][int(step) - 1 : int(step) + 1])
+            everything = what == "has everything after"
+            counts[everything] += 1
+            assert everything == (total[-1] < 0.05) and given.argmax() == int(device)
+            if everything:
+                assert total[k] < 0.05 <= total[k - 1]
+            else:
+                assert total[k - 1] - total[k] > 0.0999
+                assert all(a - b < 0.1 for a, b in pairwise(total[k:]))
+            took = len(flight["action"]) - k
+            assert environment.time_to_land[0, flight["cells"][k]] == int(way)
+            assert took == int(after or way)
+        ways = flights[0]["action"] == flights[1]["action"]
+        assert ways == ("Both fly the same way." in says)
+        if "in the same cell" in says:
+            step = int(re.search(r"at step (\d+)", says)[1]) - 1
+            first, second = (flight["action"] for flight in flights)
+            assert first[:step] == second[:step] and first[step] != second[step]
+            assert not sooner and flights[0]["cells"][-1] == flights[1]["cells"][-1]
+            assert np.abs(np.subtract(*(flight["left"][-1] for flight in flights))).max() < 0.5
+    assert min(counts) > 3  # both were seen
 
 
 def check_level(verdict, names, flights):

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 
 import numpy as np
 import pytest
@@ -344,6 +345,36 @@ def test_what_takes_long_is_ended_by_what_is_done_meanwhile(modules, tell):
         return scenes.map(({ refused, panel }) => [refused, Boolean(panel.many)]);
     }"""
     assert modules(script) == [["", False], ["", False]]
+    said = "Not done: the flight of 100 missions was ended by what was done meanwhile."
+    assert modules(script.replace("cancel", "new")) == [["", False], [said, False]]
+    going = script.replace('"cancel"', '"tool", tool: "channel"')
+    assert modules(going)[-1][0] == "" and modules("() => lab.extra.many.length") == 2
+
+
+def test_a_search_that_finds_nothing_says_what_to_do_and_goes_on_when_it_is_asked_again(
+    modules, tell
+):
+    for number in (1, 2):
+        said = "random wins none of the next 200 missions here: press it again to look at 200 more"
+        tell("duel", wanted=1, refused=said)
+        assert modules("() => lab.tried.to") == 200 * number
+    rule = tell("show", step=-1)["panel"]["rule"]
+    ahead, units, steps, level = map(float, re.findall(r"[\d.]+\d|\d", rule))
+    assert ahead == units == 2 and level == 0.5 and (steps - 1) * 0.2 <= ahead < steps * 0.2
+
+
+def test_a_change_that_ends_a_flight_a_last_device_and_a_saved_file_are_named(modules, tell):
+    for action in ("hover", "south"):
+        tell("fly", action=action)
+    said = "Your flight of 2 steps belongs to the mission before this change: ↶ brings both back."
+    for cell in ([7, 7], [7, 6]):
+        assert tell("move", device=0, cell=cell, drag=9)["note"] == said
+    assert tell("undo", by=-1)["state"]["flown"] == "hs"
+    assert tell("new")["note"] == ""
+    assert tell("save", what="stage")["note"] == "Saved as village_stage.json."
+    for k in reversed(range(1, len(tell("show", step=-1)["state"]["devices"]))):
+        tell("remove", device=k)
+    tell("remove", device=0, refused="the last device stays: a mission here has 1 to 2")
 
 
 def test_the_ledger_of_the_radio_link_is_that_of_python(tell):
@@ -427,26 +458,33 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
 @pytest.mark.parametrize(
     ("entry", "value", "said"),
     [
-        ("version", 2, "another version of the labs (2; this page reads 1)"),
+        ("version", 2, "another version of the labs (2; this page reads 1): open it there, or"),
+        ("version", None, "another version of the labs (null; this page"),
         ("format", "x", "neither a saved page"),
         ("tool", 7, "choose one of"),
         ("policies", ["greedy"], "give two names"),
         ("policies", ["greedy", 1], "give two names"),
         ("looks", 5, "looks: must be an object"),
-        ("looks", {"layer": "x"}, 'looks.layer "x": cannot be chosen here'),
-        ("looks", {"runs": [1, 1]}, "looks.runs [1,1]"),
-        ("looks", {"runs": [0, 99]}, "looks.runs [0,99]"),
-        ("point", [0, 99], "point [0,99]: no such agent"),
-        ("point", ["0", "1"], 'point ["0","1"]: no such agent'),
+        ("looks", {"layer": "x"}, 'chooses the layer "x", which this page does not have'),
+        ("looks", {"runs": [1, 1]}, "training runs that this page does not have"),
+        ("looks", {"runs": [0, 99]}, "training runs that this page does not have"),
+        ("point", [0, 99], "point [0,99] of a training, of which no agent flies here"),
+        ("point", ["0", "1"], 'point ["0","1"] of a training'),
         ("flown", "nx", "other letters"),
         ("flown", 5, "other letters"),
         ("flown", "x" * 500, 'flown "xxxx'),
         ("step", 1.5, "must be a whole number"),
         ("step", -2, "must be a whole number from -1"),
         ("held", [0, 8], "held [0,8]: no cell of this city"),
-        ("device", 5, "must be a whole number from 0"),
+        ("device", 5, "this file shows device 5: here it must be a whole number from 0"),
         ("device", True, "must be a whole number"),
-        ("mission", None, "the file"),
+        ("mission", None, "the mission is missing in this file: save the page again"),
+        ("mission", {"version": 99}, "another version of the labs (99; this page reads 1)"),
+        ("mission", {"flying_time": 501}, "this page allows at most 500 units of time"),
+        ("mission", {"flying_time": 0}, "the flying time: 0 must be a whole number from 1 to 500."),
+        ("mission", {"devices": [{"cell": [7, 7], "data": "x"}]}, "the data of device 0: must be"),
+        ("mission", {"devices": [5]}, "device 0: must be an object. Correct this in the file, or"),
+        ("mission", {"city": {"name": "x", "rows": ["LZ", ".."]}}, "row 0 of the city: only . (o"),
         ("mission", {"devices": []}, "devices: must be a list of 1 or more"),
         ("mission", {"devices": [{"cell": [7, 7], "data": 1}] * 3}, "this scenario takes 1 to 2;"),
     ],
@@ -470,13 +508,13 @@ def test_a_rival_that_is_not_there_is_named_and_a_point_flies_over_its_city_alon
     opened("a.json", stage, refused="city.name: at most 40 letters")
     tell("city", name="manhattan")
     elsewhere = json.loads(saved("stage")) | {"tool": "watch", "point": [0, 0]}
-    opened("a.json", elsewhere, refused="point [0,0]: no such agent flies here")
+    opened("a.json", elsewhere, refused="point [0,0] of a training, of which no agent flies here")
 
 
 def test_what_is_no_file_of_the_labs_is_refused(opened):
     opened("photo.jpg", b"\xff\xd8{", refused=r"(.json), a city (.png) or an agent (.safetensors)")
     opened("a.json", [1], refused="neither a saved page nor a mission")
-    opened("a.json", b'{"format": "uavdh_lite sta', refused="this file is damaged or cut off")
+    opened("a.json", b'{"format": "uavdh_lite sta', refused="cut off: save it again")
     opened("a.json", b" " * 1_000_001, refused="too large")
 
 

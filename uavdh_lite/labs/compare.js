@@ -8,6 +8,8 @@ const LITTLE = 0.1; // data units: nothing to speak of
 const NONE = 0.05; // data units: all is collected
 const ENOUGH = 0.5; // worth a word
 const MUCH = 2; // a reason
+/** What `isDuel` calls a win and level, as a fact; `sooner` counts the steps that make a win of the same data. */
+export const RULE = { kind: "rule", ahead: AHEAD, sooner: Math.floor(AHEAD / -REWARDS.movement) + 1, level: LEVEL };
 const NEAR = 2; // cells between them
 const LONG = 3; // more steps without data than the other's that are worth a word
 
@@ -82,20 +84,19 @@ function gains(who, results) {
 /**
  * What each does where they part, and what comes of it: facts, each with the step to look at, `look`.
  * @param {number | null} part from `parting`
- * @param {number} size of the city
+ * @param {{size: number, timeToLand: Int32Array}} environment
  */
-export function reasons(who, flights, part, size) {
+export function reasons(who, flights, part, { size, timeToLand }) {
   if (flights.some(({ action }) => !action.length)) return [];
-  if (part === null) return [{ kind: "same" }];
+  const first = flights[0].action.findIndex((action, k) => action !== flights[1].action[k]);
+  if (part === null) return [{ kind: "same", step: first }];
   const by = Math.max(...flights.map((flight) => muchSince(flight, part))); // both are looked at for as long
   const ends = flights.map((flight, k) => ({ who: who[k], ...towards(flight, part, by) }));
-  const left = ({ dataLeft }, device, by) => (dataLeft[by] ?? dataLeft.at(-1))[device];
   const both = ends.some(({ device, by }, k) => // the other, of which nothing is said, leaves as little there
-    by && !ends[1 - k].by && left(flights[1 - k], device, by) - left(flights[k], device, by) < ENOUGH);
+    by && !ends[1 - k].by && leftAt(flights[1 - k], by)[device] - leftAt(flights[k], by)[device] < ENOUGH);
   const apart = !both && (ends[0].device !== ends[1].device || ends[0].home !== ends[1].home);
   const acts = flights.map((flight, k) => ({ who: who[k], ...acted(flight, part) }));
   const facts = [{ kind: "part", step: part, acts, ends: apart ? ends : null, look: part }];
-  const first = flights[0].action.findIndex((action, k) => action !== flights[1].action[k]);
   if (first >= 0 && first < part) {
     const far = Array.from({ length: part - first }, (_, k) => cellsApart(...flights.map(({ uavCell }) => uavCell[first + 1 + k]), size));
     facts.push({ kind: "first", step: first, part, near: Math.max(...far) <= NEAR, ahead: aheadAt(who, flights, part), look: first });
@@ -104,9 +105,11 @@ export function reasons(who, flights, part, size) {
   const behind = sum(flights[0].reward) < sum(flights[1].reward) ? 0 : 1;
   const about = { who: who[behind], other: who[1 - behind] };
   const [spent, others] = [behind, 1 - behind].map((k) => spentBy(flights[k]));
-  if (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG)
-    facts.push({ kind: "spends", ...about, spent, others, ...astray(flights[behind]), since: nothingSince(flights[behind]) });
-  else {
+  const homeward = lasts(who, flights, timeToLand);
+  const stray = astray(flights[behind]);
+  if (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG) {
+    if (!homeward || stray.stretches.length) facts.push({ kind: "spends", ...about, spent, others, ...stray, since: nothingSince(flights[behind]) });
+  } else {
     const idlers = flights.map((flight, k) => ({ who: who[k], ...astray(flight) })).filter(({ hovers, turns }) => hovers + turns >= 2 * LONG);
     if (idlers.length) facts.push({ kind: "idles", idlers });
   }
@@ -122,7 +125,24 @@ export function reasons(who, flights, part, size) {
     const [loser, winner] = [fewer, 1 - fewer].map((k) => ({ who: who[k], ...got(flights[k], device) }));
     facts.push({ kind: "leaves", devices, unused, loser, winner, look: winner.first < 0 ? undefined : winner.first });
   }
+  if (homeward) facts.push({ kind: "lasts", ends: homeward });
   return facts;
+}
+
+/**
+ * For two that bring about as much home, but not in the same time, after which `step` each has `all`, or which is the last to bring
+ * LITTLE or more; from which device that comes, how far `home` is then, and `after` how many steps it lands. Else null.
+ */
+function lasts(who, flights, timeToLand) {
+  const [first, second] = flights.map(({ dataLeft }) => sum(dataLeft.at(-1)));
+  if (!flights.every(({ landed }) => landed) || Math.abs(first - second) >= ENOUGH || flights[0].action.length === flights[1].action.length) return null;
+  const ends = flights.map((flight, k) => {
+    const all = emptied(flight) >= 0;
+    const step = all ? emptied(flight) : idle(flight).slice(0, -1).lastIndexOf(false) + 1;
+    const given = givenBy(flight, step - 1, step);
+    return { who: who[k], all, step, device: given.indexOf(Math.max(...given)), home: timeToLand[flight.uavCell[step]], after: flight.action.length - step };
+  });
+  return ends.every(({ step }) => step > 0) ? ends : null;
 }
 
 /** Who has collected ENOUGH more before a step, and how much more it is at the end, null while one is in the air. */
@@ -183,7 +203,9 @@ export function astray(flight) {
   return { stretches: long, hovers: steps.filter(hovers).length, turns: steps.filter((k) => !hovers(k)).length };
 }
 
-const givenBy = ({ dataLeft }, step, by) => Array.from(dataLeft[step], (each, k) => each - (dataLeft[by] ?? dataLeft.at(-1))[k]);
+/** What is left at each device after a number of steps, or at the end. */
+const leftAt = ({ dataLeft }, step) => dataLeft[step] ?? dataLeft.at(-1);
+const givenBy = (flight, step, by) => Array.from(leftAt(flight, step), (each, k) => each - leftAt(flight, by)[k]);
 
 /** The step by which a device has given much since another; −1 if none does. */
 const muchSince = (flight, step) =>

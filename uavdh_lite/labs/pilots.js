@@ -330,7 +330,7 @@ export function readAgent(bytes) {
     if (tensors.cities) tensors.cities = tensors.cities.values;
     return new Agent(about, tensors);
   } catch {
-    throw new InputError("not an agent of this package, or a damaged file");
+    throw new InputError("not an agent of this package, or a damaged file: open a checkpoint that a training of uavdh_lite saved");
   }
 }
 

@@ -2,7 +2,7 @@
 // that no computation stops the drawing.
 
 import { hiddenRows, ledger } from "./channel.js";
-import { isDuel, parting, reasons, verdict } from "./compare.js";
+import { RULE, isDuel, parting, reasons, verdict } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, readAgent, valueMap } from "./pilots.js";
 import { kinkOf, pointFact, raceFacts } from "./race.js";
@@ -10,7 +10,7 @@ import { CHANGES, LOOKS, TOOLS, YOU, cityOfPicture, isInside, newStage, overCity
   textOfLink, withMission } from "./state.js";
 import { choices, closestCall } from "./think.js";
 import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, kept, require, wilsonInterval } from "./world.js";
-import { LONGEST, NAME, RUNS, grouped, sentence } from "./words.js";
+import { LONGEST, NAME, RUNS, grouped, sentence, upper } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const KEPT = 100; // changes and moves that can be undone
@@ -22,7 +22,10 @@ const STORY = 358; // the mission that the page begins with, chosen because it s
 const RACED = 13; // the mission of Watch, chosen because there each agent brings about what it brings on average
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
-const BESIDE = ["show", "values", "shadow", "look", "hold", "see"]; // what does not end what takes long
+const BESIDE = ["show", "values", "shadow", "look", "hold", "see"]; // no action of the reader, in any tool
+const GO_ON = [...BESIDE, "tool", "save"]; // what does not end what takes long
+const INSTEAD = ["cancel", "many", "duel"]; // what ends it on purpose
+const ELSEWHERE = ["new", "city", "duel", "race", "open"]; // what shows quite another mission
 const LETTERS = 60; // of a word that was found in a file
 const STOPPED = new InputError("stopped");
 
@@ -152,7 +155,7 @@ export class Session {
 
   /** Does what the page tells, or says why it was not done. */
   async hear(told) {
-    if (!BESIDE.includes(told.kind)) this.work = null;
+    if (!GO_ON.includes(told.kind)) [this.work, this.ended] = [null, !INSTEAD.includes(told.kind)];
     let refused = "";
     try {
       this.requireFits(told);
@@ -278,13 +281,14 @@ export class Session {
     compare(flights) {
       const who = this.stage.policies.map((name) => whoIs(name, this.agents));
       const results = flights.map(numbers);
-      const { size } = this.hangar.environment;
-      const part = parting(...flights, size);
-      const facts = reasons(who, flights, part, size);
+      const { environment } = this.hangar;
+      const part = parting(...flights, environment.size);
+      const facts = reasons(who, flights, part, environment);
       const look = facts.map(({ look }) => look).filter((step) => step !== undefined);
       return {
         parting: part,
         look: [...new Set(look)].sort((one, other) => one - other),
+        rule: sentence(RULE),
         verdict: sentence(verdict(who, results)),
         why: facts.map(sentence),
         results: results.map((each, k) => ({ ...each, who: who[k] })),
@@ -342,6 +346,8 @@ export class Session {
       this.history = [...this.history.slice(0, at), ...moves, stage].slice(-KEPT);
       this.at = this.history.length - 1;
       this.last = [kind, performance.now()];
+      const left = this.history[this.at - 1]?.flown; // which a drag has ended, too
+      if (left && !ELSEWHERE.includes(kind) && stage.mission !== mission) this.notes.push({ kind: "grounded", moves: left.length });
     } else this.stage = stage;
     if (stage.mission !== mission) this.settle();
     else if (String(stage.policies) !== String(policies)) this.extra = {};
@@ -370,12 +376,12 @@ export class Session {
   async long(text, run) {
     const mine = (this.work = {});
     const requireWanted = () => {
-      if (this.work !== mine) throw STOPPED;
+      if (this.work !== mine) throw text && this.ended ? new InputError(`${text} was ended by what was done meanwhile`) : STOPPED;
     };
     let before = performance.now();
     const turn = async (share) => {
       if (performance.now() - before > TURN) {
-        this.post({ kind: "progress", text, share });
+        this.post({ kind: "progress", text: upper(text), share });
         await new Promise((resolve) => setTimeout(resolve));
         before = performance.now();
       }
@@ -436,18 +442,22 @@ export class Session {
       const rank = { city: city.name, time: flyingTime, ...you, ahead: mine - its, ghost: whoIs(this.ghost, this.agents).title };
       this.ranking = [...this.ranking, rank].sort((one, other) => other.ahead - one.ahead);
     },
-    /** The next mission in which the first policy wins (1), loses (−1), or is level (0). */
+    /** The next mission in which the first policy wins (1), loses (−1), or is level (0); a search that found none goes on. */
     async duel({ wanted }) {
       const { stage, hangar, pair } = this;
       const { city, seed } = stage.mission;
-      const found = await this.long("Looking for a duel", async (turn) => {
+      const about = String([city.rows, seed, pair, wanted]);
+      const from = this.tried?.about === about ? this.tried.to : seed;
+      const found = await this.long("the search for a duel", async (turn) => {
         for (let k = 1; k <= TRIES; k += 1) {
-          const mission = randomMission(city, seed + k, this.shelf);
+          const mission = randomMission(city, from + k, this.shelf);
           const flights = pair.map((name) => hangar.fly(mission, name));
           if (isDuel(wanted, flights.map(numbers), parting(...flights, city.size))) return mission;
           await turn(k / TRIES);
         }
-        throw new InputError(`no such duel among the next ${TRIES} missions, and a second search looks at the same ones: try other rivals`);
+        this.tried = { about, to: from + TRIES };
+        const who = wanted && whoIs(pair[wanted > 0 ? 0 : 1], this.agents);
+        throw new InputError(sentence({ kind: "none", who, missions: TRIES }));
       });
       this.take({ ...withMission(this.stage, found, this.shelf), policies: pair }, "duel");
     },
@@ -455,7 +465,7 @@ export class Session {
     async many({ quiet }) {
       const { stage: { mission: { city } }, hangar, pair } = this;
       const rows = pair.map(() => []);
-      await this.long(quiet ? "" : `Flying ${MISSIONS} missions`, async (turn) => {
+      await this.long(quiet ? "" : `the flight of ${MISSIONS} missions`, async (turn) => {
         for (let k = 0; k < MISSIONS; k += 1) {
           const mission = randomMission(city, FIRST + k, this.shelf);
           for (const [which, name] of pair.entries()) {
@@ -523,6 +533,7 @@ export class Session {
         this.post({ kind: "file", name: `${mission.city.name}.png`, blob: await pictureOf(mission.city) });
         return;
       }
+      this.notes.push({ kind: "saved", file: `${mission.city.name}_${what}.json` });
       const values = what === "mission" ? mission.asJson() : stageAsJson(stage);
       const blob = new Blob([JSON.stringify(values, null, 1)], { type: "application/json" });
       this.post({ kind: "file", name: `${mission.city.name}_${what}.json`, blob });

@@ -444,7 +444,12 @@ export function draw(el, model) {
     find(".full").hidden = !document.fullscreenEnabled;
     paint();
     if (!model.own) return beginStory();
-    window.addEventListener("popstate", ({ state }) => openEntry(state));
+    window.addEventListener("popstate", ({ state }) => {
+      try {
+        sessionStorage.removeItem(LEFT); // which is older
+      } catch {}
+      openEntry(state);
+    });
     window.addEventListener("pagehide", keepNow);
     document.addEventListener("visibilitychange", keepNow);
     const before = stateBefore();

@@ -3,6 +3,7 @@
 // letters the page's address.
 
 import { bytesOf } from "./pilots.js";
+import { LONGEST } from "./words.js";
 import { ACTIONS, City, InputError, MAX_SIZE, Mission, kept, missionFromJson, require, sum } from "./world.js";
 
 const [FORMAT, VERSION] = ["uavdh_lite stage", 1];
@@ -97,6 +98,26 @@ const written = new WeakMap(); // missions as JSON
 export const stageAsJson = ({ mission, ...look }) =>
   ({ format: FORMAT, version: VERSION, ...look, mission: kept(written, mission, () => mission.asJson()) });
 
+const requireVersion = ({ version }) => require(version === VERSION, version === undefined
+  ? "this file does not say which version of the labs saved it: save it again"
+  : `this file was saved by another version of the labs (${version}; this page reads ${VERSION}): open it there, or make it again here`);
+
+/** The mission of a file; errors name its parts as people do. */
+function missionOf(values) {
+  require(values, "the mission is missing in this file: save the page again");
+  requireVersion(values);
+  try {
+    return missionFromJson(values);
+  } catch ({ message }) {
+    const said = message
+      .replace(/^city\.rows\[(\d+)\]: must be a row of.*/, "row $1 of the city: only . (open ground), N (no-fly zone), b (low building), " +
+        "L (landing zone) and B (tall building) may stand there")
+      .replace(/^devices\[(\d+)\](?:\.(\w+))?/, (_, device, what) => `${what ? `the ${what} of ` : ""}device ${device}`)
+      .replace(/^flying_time: (.* to )\d+$/, `the flying time: $1${LONGEST}`);
+    throw new InputError(`${said}. Correct this in the file, or save it again`);
+  }
+}
+
 /**
  * The stage of a saved file, or of a mission's file.
  * @param {object[]} notes takes facts about rivals that do not fly
@@ -107,17 +128,17 @@ export function readFile(text, shelf, notes = []) {
   try {
     values = JSON.parse(text.replace(/^\ufeff/, ""));
   } catch {
-    require(!/^\s*{/.test(text), "this file is damaged or cut off");
+    require(!/^\s*{/.test(text), "this file is damaged or cut off: save it again");
     throw new InputError("this is not a file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)");
   }
-  if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
-  require(values?.format === FORMAT, "this file holds neither a saved page nor a mission");
-  require(values.version === VERSION, `this file was saved by another version of the labs (${values.version}; this page reads ${VERSION})`);
+  if (values?.format === "uavdh_lite mission") return newStage(missionOf(values), shelf);
+  require(values?.format === FORMAT, "this file holds neither a saved page nor a mission: open one that More → Save made");
+  requireVersion(values);
   const { policies, tool, flown, step, device, held = null, looks: told = {}, point = null } = values;
-  const mission = missionFromJson(values.mission);
+  const mission = missionOf(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
   const index = (value, name, least, most) => require(Number.isInteger(value) && value >= least && value <= most,
-    `${name} ${value}: must be a whole number from ${least} to ${most}`);
+    `this file shows ${name} ${value}: here it must be a whole number from ${least} to ${most}`);
   require(shelf.tools.includes(tool), `tool ${JSON.stringify(tool)}: choose one of ${shelf.tools.join(", ")}`);
   require(policies?.length === 2 && policies.every((each) => typeof each === "string"), "policies: give two names");
   require(/^[neswhl]*$/.test(flown), `flown ${JSON.stringify(flown)}: has other letters than ${LETTERS}`);
@@ -133,10 +154,11 @@ export function readFile(text, shelf, notes = []) {
   const races = shelf.races.length > 0;
   for (const [name, fits] of Object.entries(LOOKS)) {
     if (name !== "runs" || races) looks[name] = told[name] ?? looks[name]; // older files have none
-    require(fits(looks[name], shelf), `looks.${name} ${JSON.stringify(looks[name])}: cannot be chosen here`);
+    require(fits(looks[name], shelf), name === "runs" ? "this file shows training runs that this page does not have" :
+      `this file chooses the ${name} ${JSON.stringify(looks[name])}, which this page does not have`);
   }
   const flies = !races || point === null || (pointOf(looks, point, shelf) && mission.city.sameAs(shelf.village));
-  require(flies, `point ${JSON.stringify(point)}: no such agent flies here`);
+  require(flies, `this file shows the point ${JSON.stringify(point)} of a training, of which no agent flies here`);
   return { mission, policies: there[0] === there[1] ? usual : there, tool, flown, step, device, held, looks, point: races ? point : null };
 }
 
@@ -231,7 +253,8 @@ export const CHANGES = {
       data: [...stage.mission.data, 10],
     }),
   remove(stage, { device }, shelf) {
-    const { devices, data } = stage.mission;
+    const { devices, data, maxDevices } = stage.mission;
+    require(devices.length > 1, `the last device stays: a mission here has 1 to ${maxDevices}`);
     return change(stage, shelf, { devices: without(devices, device), data: without(data, device) });
   },
   new: (stage, told, shelf) =>

@@ -175,7 +175,7 @@ export const TOOLS = {
   compare: {
     title: "Compare",
     html(scene) {
-      const { verdict, why, parting, look, results } = scene.panel;
+      const { verdict, why, parting, look, results, rule } = scene.panel;
       const duel = (name, wanted) => button(name, { kind: "duel", wanted });
       const [first, second] = results.map(({ who }) => escaped(who.title));
       const brought = ({ landed, ended, collected }) => (landed ? collected.toFixed(1) : ended ? "0, crashed" : "0, in the air");
@@ -188,7 +188,7 @@ export const TOOLS = {
       const ring = parting === null ? "" : `<small>Orange ring: where each is before step ${parting + 1}.</small>`;
       return `<h2>${explained(verdict)}</h2><div class="row">${go}${ring}</div><p class="why">${explained(why.join(" "))}</p>
         <div class="choices"><div class="row">${forAgents(scene, "Find a duel",
-          `Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)}`)}</div>
+          `Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)} <small>${rule}</small>`)}</div>
         ${choosePolicies(scene, "left", "right")}</div>
         <table>${flown}${average(scene)}</table><div class="row">${manyButton(scene)}</div>`;
     },
@@ -302,8 +302,9 @@ export const TOOLS = {
       const there = `${(KINDS[sign]?.name ?? "open ground").replace(":", ", which")}${"BN".includes(sign) ? ", where no UAV may fly" : ""}`;
       const head = hidden ? `Hidden from device ${panel.device} by buildings: they cost ${cost.toFixed(1)} ${term("dB")}.` : `In sight of device ${panel.device}.`;
       const instead = hidden ? ` instead of ${units(panel.free[number])}` : "";
-      const traced = panel.traced ? ` in the model; ${units(panel.traced.rate[number])} in flights` : "";
-      stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${units(panel.rate[number])} units a ${term("slot")}${instead}${traced}.${state.held
+      const amount = `${units(panel.rate[number])} units a ${term("slot")}${instead}`;
+      const brings = panel.traced ? `in the model ${amount}; in flights here, by traced rays, ${units(panel.traced.rate[number])}` : amount;
+      stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${brings}.${state.held
         ? " Held: press the cell again to let it go." : ""}`);
       const entry = (name, value) => `<tr><th scope="row">${name}</th><td>${value} dB</td></tr>`;
       const lines = [
@@ -367,10 +368,9 @@ export const TOOLS = {
         <div class="${this.fresh(looks.runs) ? "draws" : ""}">${curves(runs, point, looks.metric)}</div>
         <p class="flies">${point
           ? `This flight: ${explained(flight.name)}, in one mission. ${flight.ending} ${mean}`
-          : "Press near a point, or move with the arrow keys, to see its agent fly."}
+          : `Press near a point, or move with the arrow keys, to see its agent fly${elsewhere ? ` in the ${escaped(village)}; until then the map shows your mission` : ""}.`}
         ${left ? "↶ brings your mission back." : ""}</p>${verdict}
         <p>${point ? "" : "Each point stands for 100 missions that the agent did not learn from."}
-        ${elsewhere ? `The agents learn in the ${escaped(village)}: a point shows its agent there, and ↶ brings your mission back.` : ""}
         The training runs were recorded.
         ${odd ? `They fly several missions at once, hence ${grouped(odd.steps)} steps and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>`;
     },

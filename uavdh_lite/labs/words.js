@@ -68,7 +68,8 @@ const TEMPLATES = {
     const why = refusals ? "fewer actions are refused" : `${they} ${are} ${told.at(-1)}`;
     return `${upper(says(who, "wins"))} by ${by.toFixed(1)} in return, ${less}because ${why}.`;
   },
-  same: () => "Both flights end in the same way.",
+  same: ({ step }) => step < 0 ? "Both fly the same way."
+    : `They first act differently at step ${step + 1}, but end at the same time in the same cell, with about the same data.`,
   part: ({ step, acts, ends }) =>
     `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k], step) : "")).join(", while ")}.`,
   first({ step, near, part, ahead }) {
@@ -94,6 +95,16 @@ const TEMPLATES = {
     return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${timeUnits(unused)} unused` : ""}. ` +
       `At device ${devices[0].device}, ${collects(winner)}; ${collects(loser)}.`;
   },
+  lasts({ ends }) {
+    const told = ({ who, all, step, device, home, after }) =>
+      `${all ? says(who, "has", `everything after step ${step}, the last of it`) : says(who, "collects", `0.1 units or more for the last time in step ${step},`)} ` +
+      `from device ${device}, ${steps(home)} from home${after > home ? `, and ${who.you ? "land" : "lands"} ${steps(after)} later` : ""}`;
+    return `${upper(ends.map(told).join("; "))}.`;
+  },
+  rule: ({ ahead, sooner, level }) => `A win here is a lead of more than ${ahead} in return with no less data: about ${ahead} units more, or home ` +
+    `${sooner} steps sooner. Nearly level is less than ${level} apart.`,
+  none: ({ who, missions }) => `${who ? says(who, "wins", "none") : "none"} of the next ${missions} missions here${who ? "" : " is nearly level"}: ` +
+    `press it again to look at ${missions} more, or try another city or other rivals`,
 
   // What an agent does in a step, and why
   chooses({ action, reason, gap, second, close, both }) {
@@ -135,6 +146,8 @@ const TEMPLATES = {
     `${listed(strangers.map((name) => `“${name}”`))} cannot fly over ${city} on this page, so ${listed(who.map(({ subject }) => subject))} do.`,
   twice: ({ who }) => `A rival cannot fly against itself, so ${listed(who.map(({ subject }) => subject))} do.`,
   opened: ({ file }) => `${file} is open.`,
+  saved: ({ file }) => `Saved as ${file}.`,
+  grounded: ({ moves }) => `Your flight of ${steps(moves)} belongs to the mission before this change: ↶ brings both back.`,
   others: ({ file }) => `Only ${file} was opened: open one file at a time.`,
 
   // What is odd about a mission or a city
