@@ -235,7 +235,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # must show where the parcel on board has to go, or the problem is a POMDP.
 #
 # *Swapped battery:* there are now two clocks, one for the battery and one for the mission. Both
-# clocks belong in the state and in the observation. The UAV now crashes if its battery runs out in
+# belong in the state and the observation. The UAV now crashes if its battery runs out in
 # the air. While the mission has time left, `land` does not end the episode but takes three units of
 # time.
 #
@@ -246,10 +246,10 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # them.
 #
 # *Two UAVs:* the state holds the position and the remaining time of each UAV. Each UAV's network
-# gets one more layer, which shows where the other UAV is. Either the two share one reward, or they
-# compete. The safety controller stops two UAVs from entering the same cell. Each UAV is part of the
-# other's world. While one of them learns and flies differently, the other's world changes, so the
-# steps that the other has stored to learn from (notebook 6) come from a world that no longer exists
+# gets one more layer, with the other UAV's time left in the cell where it is. Either the two share
+# one reward, or they compete. The safety controller stops two UAVs from entering the same cell. Each
+# UAV is part of the other's world. While one of them learns and flies differently, the other's world
+# changes, so the steps that the other has stored (notebook 6) come from a world that no longer exists
 # ([a map of the field](../docs/tutorials/map_of_the_field.md)).
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to

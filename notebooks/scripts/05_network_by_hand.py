@@ -121,8 +121,8 @@ ax.set(xlabel="weight", ylabel="loss");
 # times as far. This is why data and flying time are scaled to small numbers.
 #
 # Because the slope of a squared error grows with the error, a single error of 150 pulls at the
-# weights as hard as 150 errors of 1. Our agents therefore learn with the **Huber loss**, a parabola
-# near 0 and a straight line further out.
+# weights as hard as 150 errors of 1. Our DDQN agents therefore learn with the **Huber loss**, a
+# parabola near 0 and a straight line further out.
 #
 # ## 5.3 Backpropagation
 #
@@ -211,8 +211,7 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # of 1 leaves about a third of the cells on each side.
 #
 # Many networks for pictures use **pooling**: of each small window they keep only the largest number
-# or the mean. Our network has no pooling, because it has to know *where* things are, not only
-# *whether* they are there.
+# or the mean. Our network has none, because pooling blurs *where* things are.
 #
 # ### What a unit can see
 #
@@ -322,14 +321,15 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # The flying time belongs to no cell, so it joins the list after the convolutions.
 #
 # Nearly all weights of the paper's network are in its first dense layer: 256 neurons with 8465
-# inputs each. The number of inputs depends on the map, so the network fits only one size of *city*.
+# inputs each. The number of inputs depends on the map, so it limits the size of the *city*.
 #
 # ## Recap
 #
 # - Gradient descent moves each weight downhill; backpropagation finds all slopes in one backward
 #   pass.
 # - A convolution moves one neuron across a picture, so what the neuron learns in one place holds in
-#   all others. With centred maps this is true even of a dense network.
+#   all others. With centred maps, what even a dense network learns in one part of the city holds in
+#   the others.
 #
 # ## Exercises
 #

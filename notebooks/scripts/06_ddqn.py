@@ -141,13 +141,13 @@ for gamma in (0.5, 0.95, 1.0):
 # The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
 # the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 units and is
 # 60 steps ahead counts only $150\cdot0.95^{60}\approx7$. Over Manhattan, where home is never more
-# than 14 moves away, that does no harm; a longer way home needs a larger $\gamma$.
+# than 14 moves away, that does no harm; a far longer way may need a larger $\gamma$.
 #
 # ## 6.2 A network instead of the table
 #
 # A table for Manhattan would need a row for every combination of positions, times and amounts of
 # data: for five devices more than $10^{13}$ rows, even without the amounts. Instead, a network
-# computes the Q-values from its inputs (in the small city, the row and the column of the cell). It
+# computes the Q-values from its inputs (in the small city, the row and column of the cell). It
 # answers even for a cell that it has never seen, and neighbouring cells get similar values. This is
 # **generalisation**.
 #
@@ -161,7 +161,7 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # ### Why a memory?
 #
-# A table may learn from the steps of a flight one after the other. A network should not, for two
+# A table may learn from the steps of a flight one after another. A network should not, for two
 # reasons. Successive steps of a flight are much alike, so a network that learns from them in order
 # fits what it has just seen and **forgets** the rest, because the same weights serve all places.
 # And gradient descent works best with independent examples.
@@ -172,7 +172,7 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem
 #   that replay was meant to solve. A large one also holds older steps, flown by agents that knew
-#   less. What counts is how many *flights* a memory holds ([notebook 11](11_replay.ipynb)).
+#   less. What counts is probably the number of *flights* in it ([notebook 11](11_replay.ipynb)).
 # - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be
 #   in about one of 400 minibatches of 128. The paper's **combined experience replay** puts it into
 #   every minibatch, at the cost of one place in 128.

@@ -170,8 +170,8 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 #
 # Everybody looks at the **loss** first, but the loss tells you least. In notebook 5 the examples
 # were fixed, so a falling loss meant better answers. Here the loss measures how far the Q-values
-# are from their targets, and the targets move with the network. A lazy agent that only ever lands
-# has a tiny loss, because there is hardly anything to predict. In this run the loss rises for a
+# are from their targets, and the targets move with the network. An agent that lands at once
+# may have the same loss as one that collects half of the data. In this run the loss rises for a
 # while as the agent collects more, perhaps because a bolder agent has more to predict, or because
 # each crash costs more.
 #
@@ -184,9 +184,9 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # too large, they diverge (6.3). If not, see what was changing when the score fell (β, the learning
 # rate, the cost of a crash), and whether the memory still holds enough different flights.
 #
-# If the learning rate is far too large, the score does not rise, whatever the seed. If it is larger
-# still, the Q-values swing and the loss keeps growing; if it is far too small, Q-values and score
-# hardly move.
+# If the learning rate is far too large, the score does not rise, whatever the seed, and the
+# Q-values swing; if it is far too small, Q-values and score hardly move. The loss may grow in both
+# cases.
 #
 # ## 7.4 Two ways to fail
 #

@@ -68,10 +68,10 @@ for name, recipe in centring(LITE).items():
 # always took its best-rated action. Each line is the mean of three runs. The pale band runs from the 0.5th to
 # the 99.5th percentile of their values, which is almost the whole range of the three.
 #
-# The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good
-# part of the time, but on the right, by *collected and landed*, they do better. They collect more,
-# but up to about 350,000 steps they also crash more often, and each crash costs 150 units. Always
-# say which measure you mean.
+# The two pictures do not agree. On the left, by return, the centred agents do *worse* much
+# of the time, but on the right, by *collected and landed*, they do better. They collect more,
+# but from 75,000 to about 350,000 steps they also crash more often, and each crash costs 150 units.
+# Always say which measure you mean.
 #
 # Exploring hides part of what an agent can do. Here are the validations of the same six runs, in
 # which the agents do not explore:
@@ -95,11 +95,11 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed")
 ax.legend();
 
 # %% [markdown]
-# After 200,000 and 300,000 steps all centred runs are far ahead of the others. Later the gap
-# shrinks to half a percentage point, and at the end the lowest centred run is level with the
-# highest of the others. In the paper's figure the gap is larger. With the recipe `plain`, the
-# paper's method, the gap is wide as far as its recorded runs go: after 300,000 steps centred runs
-# collect and land 81 to 87 % of the data, and the others 17 to 18 %.
+# After 200,000 and 300,000 steps all centred runs are far ahead of the others. Later, apart from
+# two dips at a million steps, the gap shrinks to half a percentage point, and at the end the lowest
+# centred run is level with the highest of the others. In the paper's figure the gap is larger. With
+# `plain`, the paper's method, the gap is wide as far as its recorded runs go: after 300,000 steps
+# centred runs collect and land 81 to 87 % of the data, and the others 17 to 18 %.
 #
 # ## 8.3 One seed, and six
 #
@@ -244,16 +244,16 @@ Quiz("three_seeds")
 # give three of the six ranks to the first method would be equally likely, and in two of the 20
 # ways, or 10 %, one method has the three best ranks. This share is called a **p-value**, and going
 # through all ways to deal out the results is a **permutation test**. With three runs of each kind
-# the p-value can never fall below 10 %. In the village, with six runs of each kind, only 10 of the
+# its p-value can never fall below 10 %. In the village, with six runs of each kind, only 10 of the
 # 924 ways, or 1 %, give so large a gap: there probably is a lead.
 #
 # A difference with a p-value below 5 % is often called **statistically significant**. That does not
-# make it large, and a difference that is not significant has not been shown to be 0. Nor is the
+# make it large, and one that is not significant has not been shown to be 0. Nor is the
 # p-value the probability that the methods are equally good.
 #
 # **How many things did you compare?** Suppose that five parts of a recipe are taken away, each on
 # its own, and that none of them matters. Then in nearly one such study in five, at least one
-# comparison with the full recipe has a p-value below 5 %. So name the main comparison beforehand,
+# comparison has a p-value below 5 %. So name the main comparison beforehand,
 # or ask for p-values below 5 % divided by the number of comparisons (**Bonferroni**), or repeat the
 # surprising comparison with new seeds.
 #

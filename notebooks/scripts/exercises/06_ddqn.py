@@ -3,7 +3,7 @@
 #
 # These exercises go with notebook `06_ddqn`. Here you build a deep Q-network yourself, in six
 # steps: a table that learns, a network in its place, a memory, a target network, the double target
-# and the softmax policy. In the exercises of notebook 7 the six parts become one program that
+# and the softmax policy. In the exercises of notebook 7 the last five become one program that
 # learns to fly over a village.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
@@ -410,8 +410,8 @@ checks.double_target(target)
 # %% [markdown]
 # ## 6.6 · A softmax that does not overflow (2 points, 10 minutes)
 #
-# An agent that only ever takes the action with the largest Q-value never finds out whether another
-# action would have earned more. The softmax policy takes action $a$ in state $s$ with the
+# An agent that only ever takes the action with the largest Q-value may never find out whether
+# another action would have earned more. The softmax policy takes action $a$ in state $s$ with the
 # probability
 #
 # $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)} \qquad \text{(paper, eq. 10)}$$
