@@ -72,7 +72,7 @@ trajectory_figure(environment, flights.trajectory(0))
 #
 # The full name of this agent is `manhattan_ddqn`, but in this course we simply call it **the
 # agent**. The course's library, `uavdh_lite`, contains other agents. We use this one because it was
-# trained with the method that the course teaches, the *double deep Q-network* or **DDQN**. The
+# trained with the method that the course teaches, the *double deep Q-network*, or **DDQN**. The
 # course follows a 2020 article by Bayerlein and others, which uses this method to collect data with
 # a UAV; we call this article *the paper*. Our agent was trained with a strengthened version of the
 # paper's method, and notebook 7 names the main changes.
@@ -118,7 +118,7 @@ for name, values in flights.records().items():
 # | `landed` | 1 if the UAV landed in time, else 0 |
 # | `collected` | the collected share of all data, from 0 to 1 |
 # | `collected_and_landed` | `landed` times `collected` |
-# | `return` | the sum of all rewards: data collected, minus 0.2 for each step but the landing, minus penalties |
+# | `return` | the sum of all rewards: data collected, minus 0.2 for each step except the landing, minus penalties |
 # | `time_used` | the share of the flying time that was used |
 # | `safety_interventions` | how often a forbidden action was refused |
 #
@@ -129,8 +129,8 @@ for name, values in flights.records().items():
 # worst-served device.
 #
 # The UAV may not leave the map, fly into a tall building or a no-fly zone, or land outside the
-# landing zones. If it tries to, the *safety controller* makes it hover instead. Notebook 3 comes
-# back to the safety controller and to the rewards.
+# landing zones. If it tries to, the *safety controller* makes it hover instead. Notebook 3 returns
+# to the safety controller and the rewards.
 #
 # ## 0.3 Set a mission yourself
 #
@@ -183,7 +183,7 @@ trajectory_figure(environment, flights.trajectory(0))
 #
 # - **greedy** flies to the nearest device that still has data. When it has just enough time left to
 #   get home, it turns back. It does not learn; it was given a street map and this rule.
-# - **random** picks one of the six actions at random in every step.
+# - **random** picks one of the six actions at random at every step.
 #
 # Now all three pilots fly the hurried mission. Press play:
 
@@ -202,7 +202,7 @@ for name, each in flown.items():
 # order of its visits hardly depends on the flying time. The random pilot wanders about, and lands
 # as soon as it happens to draw `land` in the right place.
 #
-# One flight proves nothing, though. We chose this mission, and in others greedy beats the agent. A
+# One flight proves nothing, though. We chose this mission, and in others, greedy beats the agent. A
 # fair race needs many missions, drawn at random and the same for all three pilots.
 #
 # ## 0.5 Two thousand missions
@@ -235,20 +235,19 @@ for metric in scores["random"]:
 # **Greedy** never crashes, because its rule takes it home in time, and it collects nearly
 # everything. In this city it is a strong rival.
 #
-# **The agent** comes close to greedy but does not overtake it. (In the 1000 missions of
-# notebook 8 the agent does worse than here; that notebook says which result to trust.) Consider
-# what these two pilots were told. Both see the street map, though the agent's network misses a
-# strip of it (5.5). Greedy was also given the shortest routes, and a rule that a person had thought
-# up. Nobody told the agent what the map means. Its
-# network started with random weights, and from rewards alone the agent has learned to fly to data,
-# to turn back and to land, in *this* city. How much of this is understanding, and how much is
-# merely learned by heart, is a question for notebook 8.
+# **The agent** comes close to greedy but does not overtake it. (In the 1000 missions of notebook 8
+# the agent does worse than here; that notebook says which result to trust.) Consider what these two
+# pilots were told. Both see the street map, though the agent's network misses a strip of it
+# (section 5.5). Greedy was also given the shortest routes, and a rule that a person had thought up.
+# Nobody told the agent what the map means. Its network started with random weights, and from
+# rewards alone the agent has learned to fly to data, to turn back and to land, in *this* city. How
+# much of this is understanding, and how much is mere rote learning, is a question for notebook 8.
 #
 # A rule of a few lines of code, then, beats a network that took millions of steps to train. **Why
-# learn at all?** Keep this question in mind until section 9.7 answers it. Here are two hints:
-# somebody had to think up the rule, and had to know what the map means. Not every task has somebody
-# who can do both. In notebook 9, one agent will beat the rule, and another will fly over a city
-# that you typed in only a minute before.
+# learn at all?** Keep this question in mind until section 9.7 answers it. Here are two hints.
+# First, somebody had to think up the rule and to know what the map means, and not every task has
+# somebody who can do both. Second, in notebook 9 one agent will beat the rule, and another will fly
+# over a city that you typed in only a minute earlier.
 #
 # A mean hides a lot, so look at individual flights, too. Of the agent's two thousand flights, this
 # one brought home the smallest share of the data:
@@ -267,7 +266,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 #
 # Does this agent always land, then? Two thousand landings in a row do not prove it. Even a pilot
 # that crashes in one mission out of a thousand would manage such a run about once in seven tries.
-# By the **rule of three**, after $n$ missions without a crash the true share of crashes may still
+# By the **rule of three**, after $n$ missions without a crash, the true share of crashes may still
 # be as large as $3/n$ (at 95 % confidence), which is 0.15 % here.
 #
 # ## 0.6 What the agent knows
@@ -302,7 +301,7 @@ for action, value in zip(ACTIONS, q_values):
 # parts of the channel, the environment and the agent yourself.
 #
 # The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
-# In the lab *Fly* you can fly against the agent with the arrow keys.
+# In the lab *Fly* you can use the arrow keys to fly against the agent.
 #
 # ## Recap
 #
