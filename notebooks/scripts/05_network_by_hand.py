@@ -33,7 +33,7 @@ SVG(data_folder() / "figures/network.svg")
 # | --- | --- |
 # | **What you'll do** | Build a neuron, train it by hand, follow a slope backwards, and let three networks answer one question |
 # | **What you'll learn** | Neuron, loss, gradient descent, backpropagation, convolution, stride, receptive field, PyTorch's training loop |
-# | **What you'll need** | Notebook 4, the derivative of a function. 50 minutes to read, 60 seconds to run; 42 minutes of exercises |
+# | **What you'll need** | Notebook 4 and derivatives. 50 minutes to read, 60 seconds to run; 42 minutes of exercises |
 #
 # ## 5.1 A neuron
 #
@@ -58,8 +58,7 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 # %% [markdown]
 # With a bias of 0, the output is 3, the sum of the numbers in the right-hand picture. These weights
 # add the right column and subtract the left one. A neuron thus asks a question about its inputs,
-# and its weights say which question: here, whether something is on the right and nothing on the
-# left.
+# and its weights say which: here, whether something is on the right and nothing on the left.
 #
 # Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is something
 # else: a picture.) A layer is **fully connected**, or *dense*, if each of its neurons has a weight
@@ -88,10 +87,10 @@ ax.legend();
 #
 # ## 5.2 Going downhill
 #
-# At first all weights are random numbers, because neurons with equal weights would learn the same
-# thing. A **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the
-# output gets worse. The *slope* of the loss with respect to a weight says whether the loss grows or
-# shrinks when the weight grows. To step downhill, the weight changes by minus the slope times a
+# At first all weights are random, because neurons with equal weights would learn the same thing. A
+# **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the output
+# gets worse. The *slope* of the loss with respect to a weight says whether the loss grows or
+# shrinks when the weight grows. To step downhill, change the weight by minus the slope times a
 # small number, the **learning rate**. This is **gradient descent**. The *gradient* is the list of
 # all slopes.
 #
@@ -117,8 +116,8 @@ ax.set(xlabel="weight", ylabel="loss");
 # **hyperparameter**.
 #
 # The slope in the code has the input, 3, as a factor. The weight of an input of 70 would therefore
-# take far larger steps than that of an input of 1, and even an equal step would move the output 70
-# times as far. This is why data and flying time are scaled to small numbers.
+# take far larger steps than that of an input of 1, and an equal step would move the output 70 times
+# as far. This is why data and flying time are scaled to small numbers.
 #
 # Because the slope of a squared error grows with the error, a single error of 150 pulls at the
 # weights as hard as 150 errors of 1. Our DDQN agents therefore learn with the **Huber loss**, a
@@ -178,8 +177,8 @@ def train(model, x, y, updates=400):
 # - `optimiser = …` makes the optimiser, with the learning rate `lr`. **Adam** divides each weight's
 #   steps by the usual size of the slopes for that weight, so that all weights take steps of similar
 #   length.
-# - `loss = …` is the forward pass, in which PyTorch records each operation. The loss is a mean over a
-#   **minibatch**, because all examples would take longer, and a single one would be too noisy.
+# - `loss = …` is the forward pass, in which PyTorch records each operation. The loss is a mean over
+#   a **minibatch**, because all examples would take longer, and a single one would be too noisy.
 # - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
 #   them.
 # - `loss.backward()` is backpropagation.
@@ -208,10 +207,10 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # five layers, and makes one new picture, a **feature map**, for the second convolution.
 #
 # The number of cells by which the window moves each time is the **stride**. A stride of 3 instead
-# of 1 leaves about a third of the cells on each side.
+# of 1 leaves about a third as many cells along each side.
 #
-# Many networks for pictures use **pooling**: of each small window they keep only the largest number
-# or the mean. Our network has none, because pooling blurs *where* things are.
+# Many networks for pictures use **pooling**: of each small window they keep the largest number or
+# the mean. Our network has none, because pooling blurs *where* things are.
 #
 # ### What a unit can see
 #
@@ -233,14 +232,14 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # %% [markdown]
 # The blue square is the unit's **receptive field**: 17 of 31 cells on each side. Along each side,
 # the unit sees 5 units of the first convolution. Their windows are 5 cells wide and 3 cells apart,
-# so together they cover $5+4\cdot3=17$ cells.
+# so they cover $5+4\cdot3=17$ cells.
 #
 # The square lies off centre because the windows begin in the north-western corner. Along a side of
-# 31 cells, nine windows cover $8\cdot3+5=29$ cells, and a tenth would not fit. Hence the
-# agent's network **never reads the last two rows and columns**: it cannot see a device 14 or 15
-# cells south or east of the UAV. More than a quarter of the missions over Manhattan begin with a
-# device there, and in the worst flight of notebook 0, two stay there. Our stride makes an update
-# about eight times cheaper; section 10.6 shows what the unread strip costs.
+# 31 cells, nine windows cover $8\cdot3+5=29$ cells, and a tenth would not fit. Hence the agent's
+# network **never reads the last two rows and columns**: it cannot see a device 14 or 15 cells south
+# or east of the UAV. More than a quarter of the missions over Manhattan begin with a device there,
+# and in the worst flight of notebook 0, two devices stay there. With our stride, an update costs
+# about an eighth as much; 10.6 shows what the unread strip costs.
 #
 # ## 5.6 One question, three networks
 #
@@ -283,21 +282,21 @@ for name, (model, maps) in networks.items():
 assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
-# The **dense network in place** does well in training and poorly in the test. It has learned its
-# training pairs by heart and guesses new ones. This is **overfitting**: the network fits its
-# examples better than the world that they come from. A weight of the first layer belongs to an
-# absolute place, such as "device at (4, 7)". Whether a device there is near depends on where the
-# UAV is, so what the network learns about one pair tells it little about another. More examples
-# would help. So can stopping when results on unseen examples get worse (**early stopping**), but
-# here the share of right answers rises.
+# The **dense network in place** does well in training and poorly in the test. It has learned many
+# training pairs by heart, and for new ones does little better than guessing. This is
+# **overfitting**: the network fits its examples better than the world that they come from. A weight
+# of the first layer belongs to something at an absolute place, such as "device at (4, 7)". Whether
+# a device there is near depends on where the UAV is, so what the network learns about one pair
+# tells it little about another. More examples would help. So can stopping when results on unseen
+# examples get worse (**early stopping**), but here the share of right answers rises.
 #
-# The **convolutions** avoid this problem. One window sees the UAV and a near device *together*,
+# The **convolutions** avoid this problem. One window sees the UAV and a nearby device *together*,
 # anywhere in the city. With the **centred** map even the dense network is nearly perfect, because
 # the question has become trivial: is the device in a certain square of the picture? Only 961
-# different centred maps exist, so 19 in 20 of those in the test had occurred in training.
+# different centred maps exist, so 95 % of those in the test had already occurred in training.
 #
-# What, then, does centring add? A convolution compares only what lies within its window. One window
-# can show whether a device is near, but not whether the landing zone can still be reached in time,
+# What does centring add? A convolution compares only what lies within its window. One window can
+# show whether a device is near, but not whether the landing zone can still be reached in time,
 # because that zone may be a whole city away. In the centred frame every displacement from the UAV
 # is a single place in the picture, so a single weight can ask about it.
 #
@@ -320,15 +319,15 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # 1, so that none is too large for the next layer; two learned numbers for each sum then adjust it.
 # The flying time belongs to no cell, so it joins the list after the convolutions.
 #
-# Nearly all weights of the paper's network are in its first dense layer: 256 neurons with 8465
-# inputs each. The number of inputs depends on the map, so it limits the size of the *city*.
+# Nearly all the weights of the paper's network are in its first dense layer: 256 neurons with 8465
+# inputs each. The number of inputs grows with the map, so it limits the size of the *city*.
 #
 # ## Recap
 #
 # - Gradient descent moves each weight downhill; backpropagation finds all slopes in one backward
 #   pass.
 # - A convolution moves one neuron across a picture, so what the neuron learns in one place holds in
-#   all others. With centred maps, what even a dense network learns in one part of the city holds in
+#   all others. With centred maps, even what a dense network learns in one part of the city holds in
 #   the others.
 #
 # ## Exercises
