@@ -51,11 +51,11 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # 0.2 units.
 #
 # Imagine a table $Q$ with one number for each cell $s$ and action $a$. Each entry *should* be the
-# sum that you earn from that cell on if you take that action and fly well afterwards. The last step
-# brings $10-0.2=9.8$, and then the episode is over. The step before it costs 0.2 and leads to a
-# cell from which 9.8 can be earned. And so on: a Q-value is the reward $r$ of its own step plus the
-# best Q-value of the next cell $s'$, the largest over all actions $a'$. A factor $\gamma$ a little
-# below 1, the *discount*, makes that second part count slightly less.
+# sum that you earn from that cell onwards if you take that action and fly well afterwards. The last
+# step brings $10-0.2=9.8$, and then the episode is over. The step before it costs 0.2 and leads to
+# a cell from which 9.8 can be earned. And so on: a Q-value is the reward $r$ of its own step plus
+# the best Q-value of the next cell $s'$, the largest over all actions $a'$. A factor $\gamma$ a
+# little below 1, the *discount*, makes that second part count slightly less.
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
@@ -71,7 +71,7 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 #
 # With $\gamma=0.95$ and $\alpha=0.5$, let us make two updates by hand. The UAV is one cell west of
 # the device and flies east. Nothing follows the last step of an episode, so $y=r=9.8$, and the
-# entry goes from 0 to 4.9. Some flights later the UAV is in the next cell to the west and flies
+# entry goes from 0 to 4.9. A few flights later, the UAV is in the next cell to the west and flies
 # east: $y=-0.2+0.95\cdot4.9\approx4.5$. The news has moved one cell back. Here is the largest
 # Q-value of each cell, the cell's *value* $V(s)=\max_aQ(s,a)$, after 1, 3 and 100 flights:
 
@@ -101,15 +101,15 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 # known, a small table could be computed without a flight (**dynamic programming**).
 #
 # The UAV picked all actions at random, and still learned what *good* flying is worth, because the
-# target asks for the *best* next action and not for the one taken next. A method that may learn
-# from the flights of another policy is called **off-policy**. (The other policy must try every
-# action in every cell again and again.) An **on-policy** method, such as *SARSA*, would have
-# learned what flying at random is worth.
+# target asks for the *best* next action, not for the one taken next. A method that can learn from
+# the flights of another policy is called **off-policy**. (The other policy must try every action in
+# every cell again and again.) An **on-policy** method, such as *SARSA*, would have learned what
+# flying at random is worth.
 #
 # ### The last step
 #
-# At the last step of an episode $y$ is $r$ alone. If you forget this, rewards seem to go on after a
-# crash. But not every stop is an end. When our UAV's time is up, which the agent can foresee from
+# At the last step of an episode, $y$ is $r$ alone. If you forget this, rewards seem to go on after
+# a crash. But not every stop is an end. When our UAV's time is up, which the agent can foresee from
 # the state, the mission is over: this is a true end, a **termination**. If the simulation merely
 # stops, say after 1000 steps, that is a **truncation**: more rewards would have followed, so $y$
 # keeps its second part.
@@ -133,20 +133,20 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # - *Errors.* Each value is estimated from the next, which is estimated from the one after it, and
 #   so on. Each estimate adds an error, and $\gamma$ shrinks the errors from far away.
-# - *Noise.* Rewards fifty steps ahead depend on the fading in fifty steps and on fifty actions
-#   still to be chosen, so they say little about which action is better *now*.
+# - *Noise.* Rewards fifty steps ahead depend on fifty steps of fading and on fifty actions still to
+#   be chosen, so they say little about which action is better *now*.
 # - *Time.* With $\gamma=0.95$ news of a reward need not travel back more than a few dozen steps.
 #   With $\gamma=1$ it has to travel back through the whole flight.
 #
 # The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
 # the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 units and is
 # 60 steps ahead counts only $150\cdot0.95^{60}\approx7$. Over Manhattan, where home is never more
-# than 14 moves away, that does no harm; a far longer way may need a larger $\gamma$.
+# than 14 moves away, that does no harm; a much longer way home may need a larger $\gamma$.
 #
 # ## 6.2 A network instead of the table
 #
 # A table for Manhattan would need a row for every combination of positions, times and amounts of
-# data: for five devices more than $10^{13}$ rows, even without the amounts. Instead, a network
+# data: for five devices, more than $10^{13}$ rows, even without the amounts. Instead, a network
 # computes the Q-values from its inputs (in the small city, the row and column of the cell). It
 # answers even for a cell that it has never seen, and neighbouring cells get similar values. This is
 # **generalisation**.
@@ -174,7 +174,7 @@ for gamma in (0.5, 0.95, 1.0):
 #   that replay was meant to solve. A large one also holds older steps, flown by agents that knew
 #   less. What counts is probably the number of *flights* in it ([notebook 11](11_replay.ipynb)).
 # - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be
-#   in about one of 400 minibatches of 128. The paper's **combined experience replay** puts it into
+#   in about one in 400 minibatches of 128. The paper's **combined experience replay** puts it into
 #   every minibatch, at the cost of one place in 128.
 #
 # ## 6.3 It explodes
@@ -240,7 +240,7 @@ draw_maps({"table": table(300), "network": values[0], "another": values[1]}, num
 
 # %% [markdown]
 # The values are nearly right, even in cell (1, 1), which the networks never saw. Only the value of
-# the device's own cell is far off, because no step starts there.
+# the device's cell is far off, because no step starts there.
 #
 # ## 6.4 Exploring
 #
@@ -270,10 +270,10 @@ axes[0].set_ylabel("probability");
 
 # %% [markdown]
 # With a low β the agent nearly always takes one of the best actions; with a high β, almost any
-# action. After training it always takes the best action, which is the **greedy policy** (eq. 9).
+# action. After training it follows the **greedy policy** (eq. 9): it always takes the best action.
 #
 # The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
-# otherwise the best. The same ε suits Q-values of any size, whereas β must fit that size. But
+# otherwise the best. The same ε suits Q-values of any size, whereas β must fit their size. But
 # ε-greedy tries the worst action as often as the second best.
 #
 # One could also mask pointless actions (3.4), because the safety controller knows them. But then
@@ -282,10 +282,10 @@ axes[0].set_ylabel("probability");
 #
 # ## 6.5 Double Q-learning
 #
-# Q-values are estimates, so each has some error. In the first picture, landing is refused and costs
-# 1 unit more than hovering, so its bar should be 1 unit lower than that for hovering. It is nearly
-# 7 units lower, perhaps because landing is hardly ever tried there, so that its value is hardly
-# ever corrected. What do such errors do to the largest Q-value?
+# Q-values are estimates, so each has some error. In the first picture, landing would be refused and
+# cost 1 unit more than hovering, so its bar should be 1 unit lower than that for hovering. It is
+# nearly 7 units lower, perhaps because landing is hardly ever tried there, so that its value is
+# hardly ever corrected. What do such errors do to the largest Q-value?
 
 # %%
 Quiz("whose_maximum")
