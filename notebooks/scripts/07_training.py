@@ -73,8 +73,8 @@ print(inspect.getsource(Trainer.step))
 #
 # Five more things are worth knowing:
 #
-# - Several UAVs fly side by side, 16 in the next section. Each of them flies one step between two
-#   updates.
+# - Several UAVs fly side by side, 16 in the next section. Each flies one step between one update
+#   and the next.
 # - When an episode has ended, `_restart_ended` puts a new random mission in its place, so the agent
 #   cannot simply memorise one mission.
 # - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing.
@@ -143,7 +143,7 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 #
 # Below are the curves of the run that produced the agent of the course, averaged over bins of 5000
 # steps. They show *training* flights, in which the agent explores. Half of the training flights
-# begin in mid-air, so that the agent practises the way home, and are left out of the figure.
+# begin in mid-air, so that the agent practises the way home; those are left out of the figure.
 
 # %%
 from uavdh_lite.storage import data_folder, read_table
@@ -165,24 +165,24 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 #
 # At first the agent learns to land. Then **collected** rises while **landed** and the **return**
 # fall sharply, because the agent flies farther, and exploring makes it late. Later both recover,
-# mainly because the agent explores less: of the flights that it made without exploring between
-# 200,000 and 500,000 steps, when a crash still cost less than 30 units, 98 % ended with a landing.
+# mainly because the agent explores less: of its flights without exploring between 200,000 and
+# 500,000 steps, when a crash still cost less than 30 units, 98 % ended with a landing.
 #
-# Everybody looks at the **loss** first, but the loss tells you least. In notebook 5 the examples
-# were fixed, so a falling loss meant better answers. Here the loss measures how far the Q-values
-# are from their targets, and the targets move with the network. An agent that lands at once
-# may have the same loss as one that collects half of the data. In this run the loss rises for a
-# while as the agent collects more, perhaps because a bolder agent has more to predict, or because
+# Many people look at the **loss** first, but the loss tells you least. In notebook 5 the examples
+# were fixed, so a falling loss meant better answers to them. Here the loss measures how far the
+# Q-values are from their targets, and the targets move with the network. An agent that lands at
+# once may have the same loss as one that collects half of the data. In this run the loss rises for
+# a while as the agent collects more, perhaps because a bolder agent has more to predict, or because
 # each crash costs more.
 #
 # Test flights tell more: at the start of 1000 missions our agent's largest Q-value is 20.7 on
 # average, and the discounted rewards that then come in (with steps costing 0.1 units, as in
 # training) add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
 #
-# What if the score falls late in a run? First look at the other seeds and at the next validations,
+# What if the score falls late in a run? First look at the other seeds and the next validations,
 # because a single dip is often chance. Then compare Q-values and rewards: if the Q-values are far
-# too large, they diverge (6.3). If not, see what was changing when the score fell (β, the learning
-# rate, the cost of a crash), and whether the memory still holds enough different flights.
+# too large, they are diverging (6.3). If not, see what was changing when the score fell (β, the
+# learning rate, the cost of a crash), and whether the memory still holds enough different flights.
 #
 # If the learning rate is far too large, the score does not rise, whatever the seed, and the
 # Q-values swing; if it is far too small, Q-values and score hardly move. The loss may grow in both
@@ -226,20 +226,20 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, crashing.validation_rows, "a crash costs nothing")
 
 # %% [markdown]
-# The agent collects data but brings hardly any home. After 48,000 steps it collects nearly
-# everything and still does not land, because landing earns it too little. The reward was wrong.
+# The agent collects data but brings hardly any home. Trained for 48,000 steps, it collects nearly
+# everything but still does not land, because landing earns it too little. The reward was wrong.
 #
 # What if an agent hovers in one place until its time is up? Print its Q-values there (0.6). If they
-# are almost equal, the agent cannot yet tell the actions apart. If the value of flying
-# on is too low, the agent has explored too little or fears the crash too much. If the values are
-# right, hovering is what the reward pays for.
+# are almost equal, the agent cannot yet tell the actions apart. If the value of flying on is too
+# low, the agent has explored too little or fears crashing too much. If the values are right,
+# hovering is what the reward pays for.
 #
-# Could a bonus for every step towards home help? If coming nearer is rewarded
-# and going away costs nothing, the agent can earn the bonus for ever by flying to and fro (**reward
-# hacking**). A safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on
-# the state alone and is 0 after the end of the episode. This bonus is paid as the agent approaches
-# a place and taken back as the agent leaves, so the best policy stays the same. This is
-# **potential-based shaping** (Ng, Harada and Russell, 1999).
+# Could a bonus for every step towards home help? If coming nearer is rewarded and going away costs
+# nothing, the agent can earn the bonus again and again by flying to and fro (**reward hacking**). A
+# safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on the state alone
+# and is 0 after the end of the episode. This bonus is paid as the agent approaches a place and
+# taken back as it leaves, so the best policy stays the same. This is **potential-based shaping**
+# (Ng, Harada and Russell, 1999).
 #
 # How large must the crash penalty be? Ten steps ahead, a penalty of 20 units counts only $20 \cdot
 # 0.95^{10} \approx 12$, less than the 15 units that a device in the village may hold, so collecting
@@ -254,7 +254,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # The two recipes in this section share centred maps, the softmax policy, double Q-learning, the
 # soft update with τ = 0.005, combined replay and γ = 0.95. `plain` is the paper's method with
 # nothing added, but with a network small enough for an ordinary processor. `lite` is our own
-# recipe, which trained the agent of this course. `docs/project/differences_from_the_paper.md` lists
+# recipe, used to train the agent of this course. `docs/project/differences_from_the_paper.md` lists
 # all changes in `lite`. Four of them show the idea:
 #
 # | in `lite` | what it is for |
@@ -281,7 +281,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # recipe](../docs/results/recipe.md)).
 #
 # The **paper's method** makes an update for every step, once its memory holds 25,000 random steps.
-# The picture shows *training* flights of three runs of each recipe; the runs of `plain` were
+# The picture shows *training* flights from three runs of each recipe; the runs of `plain` were
 # stopped early.
 
 # %%
@@ -296,9 +296,9 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
        ylabel="collected and landed");
 
 # %% [markdown]
-# In the picture `plain` improves after fewer steps than `lite`. But `plain` makes many more updates
-# for each step, and explores less, because β is 0.1 throughout. The picture therefore compares
-# steps, not work, and does not show where `plain` would end.
+# In the picture, `plain` improves after fewer steps than `lite`. But `plain` makes many more
+# updates per step, and it explores less, because β is 0.1 throughout. The picture therefore
+# compares steps, not work, and does not show where `plain` would end up.
 #
 # ## Recap
 #
@@ -306,13 +306,14 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 # - In a validation the agent flies missions that training never uses, and always takes the best
 #   action.
 # - Look at **landed** and **collected** together. The loss tells you least.
-# - With a large crash penalty from the start an agent may become lazy, and without one it has
+# - With a large crash penalty from the start, an agent may become lazy, and without one it has
 #   hardly any reason to come home.
 #
 # ## Exercises
 #
 # The [exercises of this notebook](exercises/07_training/07_training.ipynb) come with checks and
-# hints. In 7.1 you build a DQN of your own, which with enough rounds nearly reaches greedy.
+# hints. In exercise 7.1 you build a DQN of your own, which with enough rounds nearly matches
+# greedy.
 #
 # Agents often do not learn at first. [My agent does not learn](../docs/tutorials/does_not_learn.md)
 # says what to look at, and in which order.
