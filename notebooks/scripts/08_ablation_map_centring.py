@@ -54,19 +54,19 @@ for name, recipe in centring(LITE).items():
     print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
 
 # %% [markdown]
-# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. Both have
-# nearly the same size, 246,006 weights with the centred map and 246,406 without, because the city
-# in place needs one more layer to show the UAV.
+# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. The one
+# with the centred map has 246,006 weights, the other only 400 more, because the city in place needs
+# one more layer to show the UAV.
 #
 # Chance differs, too: a **seed** determines the first weights, the missions, the fading and every
 # action that is drawn. Each kind of run has three seeds.
 #
 # ## 8.2 The paper's figure
 #
-# The figure at the top has the form of the paper's. But each of our points is a mean over the
+# The figure at the top has the same form as the paper's. But each of our points is a mean over the
 # training flights in a bin of 5000 steps, in which the agent explores, whereas the paper's agent
-# always took its best-rated action. Each line is the mean of three runs. The pale band runs from the 0.5th to
-# the 99.5th percentile of their values, which is almost the whole range of the three.
+# always took the action it rated highest. Each line is the mean of three runs. The pale band runs
+# from the 0.5th to the 99.5th percentile of the three values, which is almost their whole range.
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* much
 # of the time, but on the right, by *collected and landed*, they do better. They collect more,
@@ -132,11 +132,11 @@ figure.supylabel("collected and landed");
 #
 # ## 8.4 How sure can you be?
 #
-# Three other seeds would show a different lead. How different? Take the runs in pairs, one pair for
-# each seed, so that each seed gives one difference. The **standard error** of the mean difference
-# is the standard deviation $s$ of the differences divided by the square root of their number $n$,
-# so four times as many pairs halve the error. A **95 % confidence interval** extends $m$ standard
-# errors to either side of the mean:
+# Three other seeds would show a different lead. How different? Take the runs in pairs, one for each
+# seed, so that each seed gives one difference. The **standard error** of the mean difference is the
+# standard deviation $s$ of the differences divided by the square root of their number $n$, so four
+# times as many pairs halve the error. A **95 % confidence interval** extends $m$ standard errors to
+# either side of the mean:
 #
 # $$\text{mean}\pm m\,\frac{s}{\sqrt{n}}$$
 #
@@ -171,10 +171,10 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
 # After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
-# **sooner**. (We chose the 300,000 steps after seeing the curves, so this gap is less certain than
-# it looks.) At the end of the long runs the interval contains 0, so by this measure these
-# runs do not say which kind is **better in the end**. In the village the bar just reaches 0, although there are six
-# pairs: the leads differ too much, from 1 to 46 points.
+# **sooner**. (We chose the mark of 300,000 steps after seeing the curves, so this gap is less
+# certain than it looks.) At the end of the long runs the interval contains 0, so by this measure
+# these runs do not say which kind is **better in the end**. In the village the bar just reaches 0,
+# although there are six pairs: the leads differ too much, from 1 to 46 points.
 #
 # ### Baselines
 #
@@ -193,17 +193,17 @@ for name, values in share.items():
 
 # %% [markdown]
 # These intervals show the luck of the missions, not that of the training. They come from the
-# **bootstrap**, which draws 1000 results from the 1000 recorded ones *with replacement* (some come
-# twice, some not at all) and takes the mean. The bootstrap repeats this many times, and records how
-# much the mean varies. For a share $p$ of yes-or-no results, such as `landed`, $s$ is
-# $\sqrt{p(1-p)}$: 97 % in 1000 missions means 97 ± 1.1 %.
+# **bootstrap**, which draws 1000 results from the 1000 recorded ones *with replacement* (some
+# twice, some not at all) and takes the mean. It repeats this many times, and records how much the
+# mean varies. For a share $p$ of yes-or-no results, such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 %
+# in 1000 missions means 97 ± 1.1 %.
 #
 # ### Paired differences
 #
-# Do the agent and greedy differ at all? Look at the interval of the difference. One can combine the
-# standard errors of both pilots as if they had flown different missions, $\sqrt{s_1^2/n+s_2^2/n}$.
-# Or one can subtract mission by mission, because both flew the *same* missions: a hard mission is
-# hard for both, so much of the missions' luck cancels.
+# Do the agent and greedy differ at all? Look at the interval for the difference. One can combine
+# the standard errors of both pilots as if they had flown different missions,
+# $\sqrt{s_1^2/n+s_2^2/n}$. Or one can subtract mission by mission, because both flew the *same*
+# missions: a hard mission is hard for both, so much of the missions' luck cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
@@ -223,7 +223,7 @@ assert high < 0 and high - low < 1.5 * apart
 # the error of the difference is smaller than the sum of the two pilots' errors. The difference can
 # therefore be clear even if the pilots' own intervals overlap a little: **overlapping intervals do
 # not mean “no difference”**. Pairing makes the interval narrower still, here by about as much as
-# twice the number of missions would.
+# doubling the number of missions would.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -243,9 +243,9 @@ Quiz("three_seeds")
 # Look only at the ranks of the six runs. If the methods were equally good, each of the 20 ways to
 # give three of the six ranks to the first method would be equally likely, and in two of the 20
 # ways, or 10 %, one method has the three best ranks. This share is called a **p-value**, and going
-# through all ways to deal out the results is a **permutation test**. With three runs of each kind
-# its p-value can never fall below 10 %. In the village, with six runs of each kind, only 10 of the
-# 924 ways, or 1 %, give so large a gap: there probably is a lead.
+# through all the ways of dealing out the results is a **permutation test**. With three runs of each
+# kind its p-value can never fall below 10 %. In the village, with six runs of each kind, only 10 of
+# the 924 ways, or 1 %, give so large a gap: there probably is a lead.
 #
 # A difference with a p-value below 5 % is often called **statistically significant**. That does not
 # make it large, and one that is not significant has not been shown to be 0. Nor is the
@@ -257,9 +257,9 @@ Quiz("three_seeds")
 # or ask for p-values below 5 % divided by the number of comparisons (**Bonferroni**), or repeat the
 # surprising comparison with new seeds.
 #
-# **Were there enough runs?** To find, at the 5 % level and in four studies out of five, a gap as
+# **Were there enough runs?** To detect, at the 5 % level and in four studies out of five, a gap as
 # large as the standard deviation of the runs, you need about 17 runs of each kind. With three runs,
-# only a far larger gap can show.
+# only a far larger gap is likely to show.
 #
 # ## 8.5 What has it learned?
 #
@@ -293,22 +293,22 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # the agent is lost in most missions, although the layer with the landing zones is in its input and
 # was moved, too. In training the zones were always in the same two corners. A network that learns
 # "towards the corner" earns as much as one that learns "towards the landing zone", so nothing made
-# our agent tell the two apart. **Part of the agent's knowledge is places that it has learned by
+# our agent tell the two apart. **Part of the agent's knowledge consists of places learned by
 # heart.** This is overfitting again, this time to a city.
 #
 # ## 8.6 What the evidence shows
 #
 # | question | what these runs say |
 # | --- | --- |
-# | Does an agent learn sooner with the centred map? | Very likely, judged by *collected and landed*, in this city and with this recipe |
+# | Does an agent learn sooner with the centred map? | Probably, judged by *collected and landed*, in this city and with this recipe |
 # | Is it better in the end? | Open: by return every centred run ended slightly ahead of the others, but three runs of each kind cannot settle the question |
 # | Is the paper's larger gap wrong? | These runs cannot say: that gap comes from another recipe and other maps |
 # | Is the recipe fair to both kinds? | Not quite: we tuned the recipe with the centred map |
-# | Is the gap due to the centring alone? | Open: the city in place shows the UAV's position differently, as a single 1, and the strip that neither network reads (5.5) contains only rim |
+# | Is the gap due to the centring alone? | Open: the city in place shows the UAV's position differently, as a single 1, and there the strip that neither network reads (5.5) contains only rim |
 #
 # ## Recap
 #
-# - Change one thing, keep the rest, and use several seeds.
+# - Change one thing, keep the rest fixed, and use several seeds.
 # - One seed is a sample of one.
 # - Give every gap with its interval. If 0 is well inside the interval, the question is open; if 0
 #   is near one end, neither answer is safe.
