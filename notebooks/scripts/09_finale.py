@@ -72,16 +72,16 @@ figure
 # did over its own map, and a little less than a rule that needs no training.
 #
 # Our agent learned from reward alone. It sees the street map, like the rule, but nobody told it
-# what the map means: how moves work, which routes are short, what a wall does to the radio. It paid
-# for every piece of knowledge with crashes and with millions of steps. For our city, however, the
-# channel can be computed, so let us give the agent what we know, one gift after the other.
+# what the map means: how moves work, which routes are short, what a wall does to radio signals. It
+# paid for its knowledge with crashes and with millions of steps. For our city, however, the channel
+# can be computed, so let us give the agent what we know, one gift at a time.
 #
 # ## 9.2 Guarantee
 #
 # The DDQN agent learned from crashes how to land. A rule can do without crashes: from the map one
 # can count the moves from each cell to the nearest landing zone, and an action is *too late* if,
 # after it, the way home takes longer than the time left. The **failsafe** replaces such an action
-# by the first move home. Many drones have such a function, called *return to home*; a rule that
+# with the first move home. Many drones have such a function, called *return to home*; a rule that
 # corrects an agent's actions in this way is called a **shield**. Does the failsafe work for any
 # pilot? Let us try the worst one:
 
@@ -109,10 +109,10 @@ assert flights.end.landed.all()
 #
 # ## 9.3 Tell
 #
-# The network sees buildings, and has to find out from reward what they do to the radio. But anyone
-# who knows the city and the constants of notebook 1 can compute, before the flight, roughly how
-# much data a unit of time over each cell would bring. The result is a picture, and a network that
-# reads five pictures can also read a sixth:
+# The network sees buildings, and has to find out from reward what they do to radio signals. But
+# anyone who knows the city and the constants of notebook 1 can compute, before the flight, roughly
+# how much data a unit of time over each cell would bring. The result is a picture, and a network
+# that reads five pictures can also read a sixth:
 
 # %%
 from uavdh_lite.beyond.told import ToldObservation
@@ -146,13 +146,13 @@ figure
 # grow step by step, drops those that cannot get home in time or can no longer become the best, and
 # keeps, among flights in the same cell with the same devices emptied, only the few that have
 # collected most. On one core this takes about a twentieth of a second for a mission over our city,
-# but sometimes a minute over `metropolis`, with 50 × 50 cells and up to ten devices.
+# but sometimes a minute over `metropolis`, which has 50 × 50 cells and up to ten devices.
 #
 # The genie is better than any agent here. But it has to search anew for each mission, and it needs
 # the formulas of the channel. Can a network learn to do at a glance what the genie does after a
 # search? Let the genie fly, write down its action in each state, and train a network on these
 # examples. The network gives a score for each action, a softmax turns scores into probabilities,
-# and the loss is the **cross-entropy**, a measure of how surprised the network is at the genie's
+# and the loss is the **cross-entropy**, a measure of how surprised the network is by the genie's
 # action:
 #
 # $$L=-\log\pi(a_\text{genie}\mid s)$$
@@ -162,10 +162,10 @@ figure
 #
 # ## 9.5 Learn on
 #
-# A copy makes small mistakes, and each of them takes the copy to states in which it never saw the
-# genie act; there it makes larger mistakes. Asking the genie what to do in those states is
-# meant to mend this (notebook 12). And the genie itself is not perfect: it plans without fading, so
-# it does not reckon with luck. Reward can teach what the genie does not know.
+# A copy makes small mistakes, which can take the copy to states in which it never saw the genie
+# act; there it makes larger mistakes. Asking the genie what to do in those states is meant to mend
+# this (notebook 12). And the genie itself is not perfect: it plans without fading, so it does not
+# reckon with luck. Reward can teach what the genie does not know.
 #
 # The agent therefore now learns from its own flights. It flies each mission several times, drawing
 # its actions from its probabilities, and compares the return of each flight with the mean return of
@@ -198,13 +198,14 @@ for name, values in ladder.items():
     print(f"{name:<34}{values.mean():8.2f}{mean:+18.2f}{interval:>20}")
 
 # %% [markdown]
-# The agent that was given all four gifts is **ahead of the rule**, and the interval of its lead
+# The agent that was given all four gifts is **ahead of the rule**, and the interval for its lead
 # does not contain 0. (This agent comes from a single training run.) It is called `manhattan` in the
-# library and *imitation agent* in the README; its teacher is the genie with a narrower search. On [the
-# ladder](../docs/results/ladder.md), over 3000 missions, guarded agents that learned from reward
-# alone are level with the rule; those also told what can be computed lead by 0.4 units of return, a
-# copy by 1.1, and agents with all four gifts by 1.4. Here `manhattan` flies beside greedy and the
-# DDQN agent, all with the failsafe, over the devices of 0.3 and with 40 units of time:
+# library and *imitation agent* in the README; its teacher is the genie with a narrower search. On
+# [the ladder](../docs/results/ladder.md), over 3000 missions, guarded agents that learned from
+# reward alone are level with the rule; those that were also told what can be computed lead by 0.4
+# units of return, a copy by 1.1, and agents with all four gifts by 1.4. Here `manhattan` flies
+# beside greedy and the DDQN agent, all with the failsafe, over the devices of 0.3 and with 40 units
+# of time:
 
 # %%
 from uavdh_lite.player import play
@@ -231,7 +232,7 @@ play(world, {name: mission.fly(world, find_policy(name, world)).trajectory(0) fo
 #
 # Thus the order of the pilots on the ladder does not mean that good methods beat bad ones. The
 # pilots differ in what they were told, and *a comparison is fair only between pilots that were told
-# the same*.
+# the same things*.
 #
 # Even the genie does not collect everything, for the reasons given in 3.4. **So do not expect 100 %
 # from any pilot.** The genie is not an upper bound, but the distance to it says more than the
@@ -243,8 +244,9 @@ play(world, {name: mission.fly(world, find_policy(name, world)).trajectory(0) fo
 # The agent of notebook 8 had learned some places by heart. What if an agent learns in *thousands*
 # of cities, with one of them drawn for each mission? The agent `any_city` learned in 3000 cities,
 # with the four gifts. It hardly knows these cities by heart: its return is about 2 units above
-# greedy's there as in new cities. Type a city, and let the agent fly over it. `L` is a landing zone,
-# `N` a no-fly zone, `B` a building, and a dot a free cell. Any square up to 16 × 16 will do:
+# greedy's both there and in new cities. Type a city, and let the agent fly over it. `L` is a
+# landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any square up to 16 × 16
+# will do:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -297,23 +299,23 @@ for name, each in flown.items():
 # it is quick. Whoever knows the channel and has a genie should let the genie fly.
 #
 # Learning pays where the channel, the rule or the time to search is missing. Where nobody can write
-# down the channel, no genie can plan and no expected data be told, but reward still teaches, in
-# millions of steps, or in a simulator that was fitted to measurements (notebook 14). Where
-# nobody knows a good rule, an agent may find its own. Where a search takes too long, as it may over
-# `metropolis`, an agent pays for it beforehand, in training and **for all missions**, and then
-# decides at once. Over our city nothing is missing, which makes it a good place to study the
+# down the channel, no genie can plan and nobody can compute expected data, but reward still
+# teaches, over millions of steps, or in a simulator that was fitted to measurements (notebook 14).
+# Where nobody knows a good rule, an agent may find its own. Where a search takes too long, as it
+# may over `metropolis`, an agent pays for it beforehand, in training and **for all missions**, and
+# then decides at once. Over our city nothing is missing, which makes it a good place to study the
 # method: the genie's flights show how much can be reached.
 #
 # ## 9.8 Your turn
 #
-# The course ends with your own [project](project/project.ipynb). Choose a city or
-# a reward, write down what you expect, train with three seeds, and report, on one page, a paired
-# interval against greedy. The project's notebook is a template that runs as it is; two finished
-# projects stand beside it, one better than the other.
+# The course ends with your own [project](project/project.ipynb). Choose a city or a reward, write
+# down what you expect, train with three seeds, and report, on one page, a paired interval against
+# greedy. The project's notebook is a template that runs as it is; two finished projects come with
+# it, one better than the other.
 #
 # And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a
-# planner or the network of exercise 7.1 (with `--scenario village`). Your score is the pilot's result on the *practice set*, a
-# set of missions that is the same for everybody:
+# planner or the network of exercise 7.1 (with `--scenario village`). Your score is the pilot's
+# result on the *practice set*, a set of missions that is the same for everybody:
 #
 # ```text
 # python -m uavdh_lite challenge score my_policy.py greedy --leaderboard board.json
@@ -328,7 +330,8 @@ for name, each in flown.items():
 # - A rule that always holds need not be learned; what can be computed can be told to the agent; a
 #   planner can be copied; reward teaches the rest.
 # - With all four gifts, an agent beats the rule in its own city. With reward alone, an agent comes
-#   close to the rule over Manhattan, and over the open field its return is a little higher than the rule's.
+#   close to the rule over Manhattan, and over the open field its return is a little higher than the
+#   rule's.
 # - An agent that learned in thousands of cities can fly over one that was typed a minute ago.
 # - Say what a pilot was told before you compare pilots, and give greedy's result beside every
 #   number.
