@@ -5,8 +5,8 @@
 #
 # The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets
 # data quickly, and over a dark one hardly any. The UAV may not fly over the grey buildings or the
-# hatched zone. By the end of this notebook you can compute the data rate behind every colour, if
-# you are told which cells are in sight of the device.
+# hatched zone. By the end of this notebook you will be able to compute the data rate behind every
+# colour, if you are told which cells are in sight of the device.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -48,8 +48,8 @@ figure
 # ## 1.1 Three layers
 #
 # The city is a grid of 16 × 16 cells, each 10 m wide. It was redrawn from the paper's description,
-# because only a picture was published. For each cell there are three yes-or-no questions,
-# and the answers to each question form one *layer* of the map:
+# because the map was published only as a picture. For each cell there are three yes-or-no
+# questions, and the answers to each question form one *layer* of the map:
 
 # %%
 city, channel = environment.city, environment.channel
@@ -64,8 +64,8 @@ figure
 # Does a building here block radio signals?
 #
 # Compare the second layer with the third. A cell that is black in both is a *tall* building: the
-# UAV may not enter it, and it blocks the radio. A cell that is black only in the third layer is a
-# *low* building, which blocks the radio but may be flown over. A cell that is black only in the
+# UAV may not enter it, and it blocks radio signals. A cell that is black only in the third layer is
+# a *low* building, which blocks signals but may be flown over. A cell that is black only in the
 # second layer is a no-fly zone without a building. Which of the three kinds does this city have?
 
 # %%
@@ -75,15 +75,15 @@ print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only close
 
 # %% [markdown]
 # The paper's UAV is “not allowed to fly over buildings” at all, so this city has no low buildings;
-# other maps of the library have some. A device may stand anywhere, even in the no-fly zone, except
+# other maps in the library have some. A device may stand anywhere, even in the no-fly zone, except
 # on a building or in a landing zone.
 #
 # ## 1.2 Path loss
 #
-# A radio signal gets weaker on its way. The loss spans many powers of ten, so engineers use a
+# A radio signal gets weaker as it travels. The loss spans many powers of ten, so engineers use a
 # logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. Thus 10 dB is a factor of
 # ten, 20 dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for
-# factors smaller than one: −10 dB is a tenth. On this scale products become sums.
+# factors below one: −10 dB is a tenth. On this scale, products become sums.
 #
 # What counts is how strong the signal is compared with the noise, the random hiss in every
 # receiver. The ratio of their powers is the *signal-to-noise ratio*, SNR. It falls as a power of
@@ -115,25 +115,24 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Against distance on a logarithmic axis, both path losses are straight lines. Ten times the distance adds
-# 22.7 dB in sight and 36.4 dB behind a building. The gap between the lines is the loss that a
-# building adds. At 100 m this gap is 27.4 dB: the signal is some 550 times weaker.
+# Plotted against distance on a logarithmic axis, both path losses are straight lines. Ten times the
+# distance adds 22.7 dB in sight and 36.4 dB behind a building. The gap between the lines is the
+# loss that a building adds. At 100 m this gap is 27.4 dB: the signal is some 550 times weaker.
 #
 # The distance $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground is
 # $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device, $d$ is 10 m. Why
 # not fly higher? At a height of 100 m, every $d$ is 100 m or more. Directly above the device, this
-# height would cost another 22.7 dB. It would also make distances less different, so there would be
-# less reason to fly anywhere. (In reality the UAV would see over the roofs, but our model ignores
-# that.)
+# height would cost another 22.7 dB. It would also make distances more alike, so there would be less
+# reason to fly anywhere. (In reality the UAV would see over the roofs; our model ignores that.)
 #
 # ## 1.3 The link budget
 #
 # How strong is the transmitter? Instead of $P/\sigma^2$, the paper states the *cell-edge SNR*. The
-# “cell” in this term is not one of our grid cells, but the area that a base station of a phone
-# network serves, which here is the whole map. An unobstructed link along the ground, from the
-# middle of the map to a device in a corner, has an SNR of −15 dB. (This definition leaves out the
-# height, which every link below includes.) To find $P/\sigma^2$, take this link's length, compute
-# the path loss, and add it to the SNR at the corner:
+# “cell” in this term is not one of our grid cells, but the area that a phone network's base station
+# serves, which here is the whole map. An unobstructed link along the ground, from the middle of the
+# map to a device in a corner, has an SNR of −15 dB. (This definition leaves out the height, which
+# every link below includes.) To find $P/\sigma^2$, take this link's length, compute the path loss,
+# and add it to the SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2
@@ -164,14 +163,13 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 #
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
-# data units. (In real systems $R$ is the *spectral efficiency*, in bits per second per hertz.)
-# There are four such slots in the time that one move takes. When signal and noise are equally
-# strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This amount is the course's data
-# unit.
+# data units. (In real systems $R$ is the *spectral efficiency*, in bits per second per hertz.) One
+# move takes as long as four such slots. When signal and noise are equally strong, the SNR is 1, and
+# a slot carries $\log_2 2 = 1$ unit. This amount is the course's data unit.
 #
 # Why a logarithm? If a slot is to carry one unit more, the receiver must tell twice as many
-# different signals apart in the same noise. Signals are points in a plane, so twice as many fill
-# twice the area, which is proportional to the power. To *add* one unit of data at a high SNR, you
+# different signals apart in the same noise. Signals are points in a plane, so twice as many need
+# twice the area, and area is proportional to power. To *add* one unit of data at a high SNR, you
 # therefore have to *multiply* the power by two.
 #
 # First make a prediction:
@@ -199,15 +197,15 @@ for distance in (0, 10, 20, 30, 100):
     print(f"{distance:>4} m: {los:.3f} data units per slot in sight, {nlos:.4f} behind a building")
 
 # %% [markdown]
-# - **Twice the distance** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR each
-#   loss of 3 dB takes one unit away from a slot, however many units the slot carried before. At a
-#   low SNR the rate is proportional to the SNR, so doubling the distance reduces the rate to a
-#   fifth in sight and a twelfth behind a building.
+# - **Twice the distance** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR, each
+#   loss of 3 dB takes one unit away from a slot, however many units the slot carried. At a low SNR
+#   the rate is proportional to the SNR, so doubling the distance reduces the rate to a fifth in
+#   sight and a twelfth behind a building.
 # - **Near is fast.** Three cells away and in sight, the UAV gets data about a fifth as fast as
 #   directly above the device.
 # - **Far still counts.** A hundred metres down a street, little data arrives in a slot, but it adds
 #   up while the UAV flies on.
-# - **A building all but ends the link.** Even at a distance of 10 m on the ground it cuts the data
+# - **A building all but ends the link.** Even at a distance of 10 m on the ground, it cuts the data
 #   by more than nine tenths.
 #
 # ## 1.5 Shadow fading
@@ -215,13 +213,13 @@ for distance in (0, 10, 20, 30, 100):
 # Trees, signs and vehicles make a signal stronger or weaker than the distance alone would suggest.
 # This is called *shadow fading*. Despite its name, it has nothing to do with the violet shadows of
 # notebook 0, which are cast by buildings on the map: fading stands for things that the map does not
-# show. (Reflections add *multipath fading*, which changes within centimetres; the paper leaves it
-# out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean 0,
-# drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a building.
-# Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so in decibels
-# the effects add up, and a sum of many independent effects is nearly normal. A power that is
-# normally distributed in decibels is called *log-normal*. The paper calls the fading's variance
-# $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
+# show. (Reflections add *multipath fading*, which varies over a few centimetres; the paper leaves
+# it out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean
+# 0, drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a
+# building. Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so
+# in decibels the effects add up, and a sum of many independent effects is nearly normal. A power
+# that is normally distributed in decibels is called *log-normal*. The paper calls the fading's
+# variance $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
 #
 # In a real street, shadow fading is *correlated*: the tree that is in the way now is still in the
 # way one step later, so the fading stays similar over tens of metres. The authors' code
@@ -274,8 +272,8 @@ figure
 # Textbooks often say the opposite, that fading *lowers* the rate. They compare links with the same
 # mean SNR, and as a function of this ratio, rather than of decibels, the rate bends downwards. Here
 # the mean is fixed in decibels, so fading raises the mean SNR, by 5 % in sight and by 14 % behind a
-# building (the mean of $10^{\eta/10}$ over a normal $\eta$). This gain exceeds the loss from the
-# downward bend.
+# building (the mean of $10^{\eta/10}$ for a normally distributed $\eta$). This gain exceeds the
+# loss from the downward bend.
 #
 # The UAV cannot foresee luck. It can only choose places that are good on average.
 #
