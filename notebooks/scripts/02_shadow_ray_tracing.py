@@ -54,10 +54,11 @@ figure
 # link in sight. (Such a link still works, because some of the signal arrives by reflection and by
 # bending round edges, which is called *diffraction*.)
 #
-# The model is flat: to keep things simple, it ignores height. In a city with low buildings, such as
-# `harbour`, a UAV above a low building has no device in sight, although from a real roof you could
-# look down into the street. A model with heights would have to ask at each building on the way
-# whether the ray, which climbs evenly from the device to the UAV, is still below the roof.
+# This model of line of sight is flat: to keep things simple, it ignores height. In a city with low
+# buildings, such as `harbour`, a UAV above a low building has no device in sight, although from a
+# real roof you could look down into the street. A model with heights would have to ask at each
+# building on the way whether the ray, which climbs steadily from the device to the UAV, is still
+# below the roof.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 
@@ -113,9 +114,9 @@ figure
 #
 # A program need not look at all four corners, because the number in the middle of the cell is
 # enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (not doubled, unlike the
-# numbers in the drawing). From there to a corner, row and column change by ½ each, so the number
-# changes by at most $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly 3.5, up at one
-# and down at the other. One of these corners therefore has a positive number and the other a
+# numbers in the drawing). From there to a corner, the row and the column each change by ½, so the
+# number changes by at most $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly 3.5, up
+# at one and down at the other. One of these corners therefore has a positive number and the other a
 # negative one, and the ray crosses the cell. In the middle of cell (0, 2) the number is 4. A change
 # of 3.5 cannot take it below 0, so the ray misses this cell. In general:
 #
@@ -134,11 +135,11 @@ assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 # A line goes on for ever, but our ray ends at the UAV, so we test only the cells in the rectangle
 # between the ray's two ends.
 #
-# All numbers in the test are whole, so nothing has to be rounded. This matters wherever a ray meets
-# a corner. In a larger city, the ray from (0, 0) to (7, 25) passes exactly through the point at row
-# 3.5 and column 12.5, where four cells meet. In ordinary floating-point numbers `7 / 25 * 12.5` is
-# 3.5000000000000004, so the ray seems to miss this point. Such rays are not rare: in a city made of
-# squares, many rays meet corners.
+# All numbers in the test are whole, so nothing has to be rounded. This matters wherever a ray
+# passes through a corner. In a larger city, the ray from (0, 0) to (7, 25) passes exactly through
+# the point at row 3.5 and column 12.5, where four cells meet. In ordinary floating-point
+# arithmetic, `7 / 25 * 12.5` is 3.5000000000000004, so the ray seems to miss this point. Such rays
+# are not rare: in a city made of squares, many rays meet corners.
 #
 # ## 2.2 At a corner
 #
@@ -174,15 +175,15 @@ figure
 #
 # Which cells a ray crosses depends only on how far it goes down and to the right, not on where it
 # starts, so the library works out the crossed cells only once for each such displacement. The
-# library then shifts the whole layer of buildings under the ray. In this way a few array operations
-# give the answers for all pairs of cells with this displacement.
+# library then shifts the whole layer of buildings under the ray. In this way, a few array
+# operations give the answers for all pairs of cells with this displacement.
 #
 # The result is a table with four indices, two for the device's cell and two for the UAV's. Each
 # entry says whether a device and a UAV in these cells see each other. The table is computed only
-# once per city, because buildings do not move. During a flight the program only looks up entries of
+# once per city, because buildings do not move. During a flight the program only looks up entries in
 # the table, so the devices may stand elsewhere in the next mission at no extra cost. The table has
 # $16^4 = 65{,}536$ entries, because every cell is paired with every cell. For a city with twice as
-# many cells on each side it has 16 times as many entries, and the rays are twice as long.
+# many cells on each side, the table has 16 times as many entries, and the rays are twice as long.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
@@ -202,7 +203,7 @@ figure.colorbar(picture, label="cells in sight, %")
 figure
 
 # %% [markdown]
-# From a building nothing is in sight. In a street you can see a long way in two directions, and at
+# From a building, nothing is in sight. In a street you can see a long way in two directions, and at
 # a crossing in four directions, so crossings are mostly brighter than the stretches of street
 # between them. For a UAV the bright cells are good places, because more devices are likely to be in
 # sight from there.
@@ -229,12 +230,12 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 # visit, and in which order? Deciding this is the agent's task.
 #
 # The library is not the only program that draws such shadows. The authors' published code traces
-# its rays by a different method, which makes mistakes; [notebook 13](13_any_city.ipynb) compares the
-# two methods over many cities.
+# its rays by a different method, which makes mistakes; [notebook 13](13_any_city.ipynb) compares
+# the two methods over many cities.
 #
 # ## Recap
 #
-# - A link is blocked if the ray crosses the inside of a building, seen from above.
+# - A link is blocked if, seen from above, the ray crosses the inside of a building.
 # - A ray crosses a cell if the cell has corners on both sides of the ray. Whole numbers are enough
 #   to decide this, so nothing is rounded.
 # - Two buildings that share a corner block the ray through that corner. One building alone does not
