@@ -3,9 +3,9 @@
 #
 # **How does a flight become numbers that a program can learn from?**
 #
-# Below, the greedy pilot of notebook 0 flies a mission with two devices. Greedy leaves a good part
-# of the data behind. At the end of this notebook you will fly the same mission by hand, and beat
-# greedy.
+# Below, the greedy pilot from notebook 0 flies a mission with two devices. Greedy leaves a good
+# part of the data behind. At the end of this notebook you will fly the same mission by hand, and
+# beat greedy.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -36,7 +36,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Step through a flight, add up its rewards, trigger the safety controller, follow four slots, fly by hand |
+# | **What you'll do** | Step through a flight, add up its rewards, trigger the safety controller, follow four slots, and fly by hand |
 # | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
 # | **What you'll need** | Notebooks 1 and 2. 45 minutes to read, 10 seconds to run; 35 minutes of exercises |
 #
@@ -78,7 +78,7 @@ for name, value in vars(state).items():
 # A step has two parts. The first is luck: the fading of notebook 1 is drawn at random. The second
 # is a *pure function*, that is, a function without luck or memory. State, action and fading go in,
 # and the next state and the outcome of the step come out. Fading does not change where the UAV
-# goes, so luck decides only who sends, and how much.
+# goes, so luck decides only which device sends, and how much.
 
 # %%
 import numpy as np
@@ -96,14 +96,14 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # $$s_{t+1} \sim p(\,\cdot \mid s_t, a_t)$$
 #
 # The sign ~ means “is drawn from”, and the dot stands for the next state. The distribution depends
-# only on the present state $s_t$ and the action $a_t$, not on how the UAV came to this state. A
+# only on the present state $s_t$ and the action $a_t$, not on how the UAV reached this state. A
 # world with this property is a **Markov decision process** (MDP). An MDP has five parts: the
-# states, the actions, the distribution $p$, the reward (3.3), and a discount, which says how much
-# later rewards count (notebook 6). Our world is an MDP because fading is drawn anew in every slot;
-# if good luck came in runs, the state would have to include past luck. The time left, too, has to
-# be in the state, because it decides when the episode ends. If an agent sees only a part of the
-# state, the process is *partially observable*, and the problem is called a **POMDP**. A POMDP is
-# usually harder, because the agent may need to remember what it saw earlier.
+# states, the actions, the distribution $p$, the reward (3.3), and a discount, which says how
+# strongly later rewards count (notebook 6). Our world is an MDP because fading is drawn anew in
+# every slot; if good luck came in runs, the state would have to include past luck. The time left,
+# too, has to be in the state, because it decides when the episode ends. If an agent sees only part
+# of the state, the process is *partially observable*, and the problem is called a **POMDP**. A
+# POMDP is usually harder than an MDP, because the agent may need to remember what it saw earlier.
 #
 # ## 3.3 What a step earns
 #
@@ -116,11 +116,11 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # | part | value | when |
 # | --- | --- | --- |
 # | data | 1 for each data unit | data is uploaded |
-# | $r_\mathrm{mov}$ | −0.2 | in every step but the landing |
+# | $r_\mathrm{mov}$ | −0.2 | in every step except the landing |
 # | $r_\mathrm{sc}$ | −1 | the safety controller intervenes |
 # | $r_\mathrm{crash}$ | −150 | time is up and the UAV has not landed |
 #
-# The paper does not state these values; they are the defaults of the authors' code. For our agent
+# The paper does not state these values; they are the defaults in the authors' code. For our agent
 # two of them were different: a step cost 0.1, and a crash cost little at first and 150 at the end
 # of training (notebook 7). Here are the rewards of greedy's flight, step by step:
 
@@ -139,13 +139,14 @@ figure
 
 # %% [markdown]
 # The black line falls in a step that brings less than 0.2 units of data, and rises in one that
-# brings more. Its last value is the return. An agent that looked no further than the next reward would land at once
-# in this mission, because landing costs nothing. An agent therefore has to learn that a costly step
-# may bring in much more later. When data comes in after thirty steps, which of those steps deserve
-# the credit? This is the problem of **credit assignment**, and notebook 6 is about it.
+# brings more. Its last value is the return. An agent that looked no further than the next reward
+# would land at once in this mission, because landing costs nothing. An agent therefore has to learn
+# that a costly step may bring in much more later. When data comes in after thirty steps, which of
+# those steps deserve the credit? This is the problem of **credit assignment**, and notebook 6 is
+# about it.
 #
 # Why is data paid for when it comes in, and not on landing, when the score counts it? Because a
-# reward paid on landing would come dozens of steps after the move that earned it. A reward paid at
+# reward paid on landing could come dozens of steps after the move that earned it. A reward paid at
 # once goes to the step that brought in the data. The drawback is that return and score differ, and
 # that it is mainly the penalty for a crash that makes the agent bring its data home (notebook 7).
 #
@@ -169,26 +170,25 @@ for action in (NORTH, NORTH):
     print(f"in cell {flight.state.uav_cell[0]}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# The first move is ordinary: it costs 0.2, but brings in 0.1 data units. The second move would
-# leave the map, so the UAV hovers instead, at an extra cost of 1. The same happens when the UAV
+# The first move is ordinary: it costs 0.2, but brings in 0.1 data units. The second move would take
+# the UAV off the map, so it hovers instead, at an extra cost of 1. The same happens when the UAV
 # tries to enter a tall building or a no-fly zone, or to land outside the landing zones. The agent
 # of notebook 6 learns from the action that it chose, not from the hovering, because it is the
-# choice that has to look worse.
+# choice that has to be discouraged.
 #
 # Why does a wrong move not end the episode? An untrained agent makes a wrong move every few steps,
 # so its episodes would rarely last long enough for much data to come in.
 #
-# The controller is a part of the UAV, not of the training. The trained agent still needs the
-# controller, because the agent makes a few wrong moves in every hundred missions, some of them
-# into a wall.
+# The controller is part of the UAV, not of the training. The trained agent still needs the
+# controller, because the agent makes a few wrong moves in every hundred missions, some of them into
+# a wall.
 #
 # One could also remove the forbidden actions from the agent's choices, which is called **masking**.
 # Then the agent would not have to learn where the walls are. The paper lets the agent try such
-# actions and pay, so it must learn which they are.
+# actions and pay for them, so it must learn which actions are forbidden.
 #
 # One disaster remains: the time is up, and the UAV is still in the air. Nothing is uploaded in a
-# step that ends an episode, whether by a crash, as here, or by a landing. (The paper leaves this
-# open.)
+# step that ends an episode, whether by a crash or by a landing. (The paper leaves this open.)
 
 # %%
 Quiz("the_last_step")
@@ -207,15 +207,15 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 #
 # ## 3.5 Who may send: four slots per step
 #
-# Each step has four communication slots, because much can change within a move of 10 m: the UAV may
-# come round a corner. In each slot *one* device sends: the loudest of those with data left, that is,
-# the one with the best SNR. Sharing a channel by taking turns in time is called **time division
-# multiple access**, or TDMA (paper, eq. 3). The data that a step brings in is the sum over its slots
-# (eq. 4).
+# Each step has four communication slots, because much can change within a move of 10 m: for
+# example, the UAV may come round a corner. In each slot *one* device sends: the loudest of those
+# with data left, that is, the one with the best SNR. Sharing a channel by taking turns in time is
+# called **time division multiple access**, or TDMA (paper, eq. 3). The data that a step brings in
+# is the sum over its slots (eq. 4).
 #
 # Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
 # some missions would be lucky from start to end, and a pilot would first have to find out by
-# measuring whether its own mission is lucky. With four draws in each step most of this luck
+# measuring whether its own mission was lucky. With four draws in each step, most of this luck
 # averages out.
 #
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
@@ -249,9 +249,9 @@ figure
 # device gets the whole slot, even if it has only 0.1 units left to send, and a device that is never
 # the loudest never sends. The rule therefore need not give the best schedule.
 #
-# Why is "serve device 2" not an action of the agent? If it were, the agent would have to learn what
-# a simple rule already does well. Even without such an action the agent has a say, because where it
-# flies decides which device is loudest.
+# Why is "serve device 2" not one of the agent's actions? If it were, the agent would have to learn
+# what a simple rule already does well. Even without such an action the agent has a say, because
+# where it flies affects which device is loudest.
 #
 # From slot to slot the UAV moves on: in slot $i$ it has flown $i/4$ of its move. In the next figure
 # it flies east, past the corner of a building. Fading is left out:
@@ -302,7 +302,7 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 # %% [markdown]
 # The plan brings all the data home, but greedy does not. Greedy flies towards the nearer device
 # until that device is empty, and from there it is a long way to the other. You had a map of the
-# shadows to plan with. The agent has no such map, but brings everything home, too.
+# shadows to plan with. The agent has no such map, yet it, too, brings everything home.
 #
 # One mission shows only that a good rule can be beaten. In the lab *Fly* you can fly many more
 # missions, with the arrow keys.
@@ -313,7 +313,7 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 # - A step is a pure function of state, action and fading. The next state depends on the present
 #   state and the action, not on the past, so our world is a Markov decision process.
 # - The reward pays for data and charges for steps, interventions and a crash.
-# - In each of the four slots of a step, the loudest device that has data left sends.
+# - In each of the four slots of a step, the loudest of the devices with data left sends.
 #
 # ## Exercises
 #
