@@ -49,15 +49,15 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # ## 4.1 The layers
 #
 # Each picture is a **layer** of the map. Three show the city: where to land, where not to fly, and
-# what blocks the radio. Two show the data: how much each device still has, and how much the UAV has
-# collected from it. (If two devices shared a cell, these layers could show only the sum of their
-# data.) The last picture is empty because the flight has not begun. None of the five shows the
-# fading, the rate of a link or the shadows of notebook 2. Whatever the agent knows about shadows,
-# it must therefore work out from the layer of buildings or, if it flies in a single city, learn by
-# heart.
+# what blocks radio signals. Two show the data: how much each device still has, and how much the UAV
+# has collected from it. (If two devices shared a cell, these layers could show only the sum of
+# their data.) The last picture is empty because the flight has not begun. None of the five shows
+# the fading, the rate of a link or the shadows of notebook 2. Whatever the agent knows about
+# shadows, it must therefore work out from the layer of buildings or, if it flies in a single city,
+# learn by heart.
 #
 # The UAV is always in the middle of the *frame*, the square that each picture fills. This is called
-# **map centring** (section III-C), the paper's second idea after the map itself.
+# **map centring** (paper, section III-C), the paper's second idea after the map itself.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -128,22 +128,22 @@ ax.set(xlabel="units of time on the stopped clock", ylabel="share")
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# With 5 units on the clock most UAVs never leave the landing zone. More than half of all UAVs land,
-# but with little data. Nearly all the others stay over the zone until the true time is up, because
-# on a clock that stands still the moment to land never comes.
+# With 5 units on the clock, most UAVs never leave the landing zone. More than half of all UAVs
+# land, but with little data. Nearly all the others stay over the zone until the true time is up,
+# because on a clock that stands still the moment to land never comes.
 #
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
 # the air when the true time is up, because the clock never warns them. With 50 or 60 units most
 # UAVs stay in the air until they crash, many with nothing left to collect. Flying home at once
-# would then be best for the return, because each step costs something. But one more step
-# changes the Q-value by no more than its price, which was 0.1 in training, and such a small
-# difference is easily lost in the network's errors. No stopped clock gives a score (orange) near
-# that with the true time (black).
+# would then give the highest return, because each step costs something. But one more step changes
+# the Q-value by no more than its price, which was 0.1 in training, and such a small difference is
+# easily lost in the network's errors. No stopped clock gives a score (orange) near that of the true
+# clock (black).
 #
 # Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
-# because the future would depend on something that the agent cannot see. The problem would be
+# because the future would depend on something that the agent could not see. The problem would be
 # *partially observable*, a **POMDP** (3.2). With the time it is not a POMDP, because map and time
-# together hold all of the state that matters (if the network reads all of it, 5.5).
+# together hold all of the state that matters (if the network reads all of it; see 5.5).
 #
 # The layer "data left" is there for the same reason. Without this layer the agent would not see a
 # device until some of its data had come in, and even then it would not see how much was left, so it
@@ -155,7 +155,7 @@ figure.legend(loc="outside right upper", fontsize="small");
 # How is the map centred? Every layer is shifted so that the UAV's cell lies in the middle of the
 # frame, and the places beyond the city's border are filled with zeros or ones (exercise 4.1). Here
 # are the buildings (dark) and all other cells of the no-fly layer (pale) as the network sees them
-# when the UAV is at three places:
+# for three positions of the UAV:
 
 # %%
 def seen_from(uav):
@@ -179,10 +179,10 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # UAV at the western edge. The frame of $2M-1$ cells is the smallest in which every *displacement*
 # from the UAV has a place of its own.
 #
-# A centred picture can also be turned by right angles and mirrored, as long as the action turns
-# with it (north becomes west). A single step of a flight thus gives eight examples to learn from,
-# four directions and their mirror images. This is called *data augmentation*. It is allowed because
-# neither the radio nor the moves prefer a direction; with wind, or with an antenna that points
+# A centred picture can also be rotated in steps of 90° and mirrored, as long as the action is
+# changed with it (north becomes west, say). A single step of a flight thus gives eight examples to
+# learn from, four directions and their mirror images. This *data augmentation* is allowed because
+# neither the radio nor the moves favour any direction; with wind, or with an antenna that points
 # north, it would be wrong. The agents of notebooks 9 and 12 that learn by copying are trained in
 # this way, but the DDQN agent of this course is not.
 #
@@ -193,10 +193,10 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # - **The number of devices may vary.** A list for five devices has no room for a sixth, and with
 #   only two devices, three of its entries mean nothing. On a map any number of devices fits, so
-#   neither the size of the input nor the network **depends on the number of devices**. One agent
-#   flies missions with two devices and with five. It would accept twenty devices, too, but may fly
-#   badly with them: in training it never saw such full maps or such large returns, and a network
-#   can be trusted only with inputs like those it has learned from.
+#   neither the size of the input nor the network **depends on the number of devices**. The same
+#   agent flies missions with two devices and with five. It would accept twenty devices, too, but
+#   may fly badly with them: in training it never saw such full maps or such large returns, and a
+#   network can be trusted only with inputs like those it has learned from.
 # - **The order does not matter.** In a list, "device 1 here, device 2 there" and "device 2 here,
 #   device 1 there" look different, although they are the same mission, and a network would have to
 #   learn both. On the map they are the same picture.
@@ -228,8 +228,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # <details><summary>One answer to each</summary>
 #
 # *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels
-# expected here". Each delivery earns a reward. The layer of buildings, which says what blocks the
-# radio, can go; the no-fly layer stays. The same picture calls for one action with a parcel on
+# expected here". Each delivery earns a reward. The layer of buildings, which says what blocks radio
+# signals, can go; the no-fly layer stays. The same picture calls for one action with a parcel on
 # board and for another without one, so "on board" becomes one more input number beside the time.
 # This number is enough if any parcel will do at any place. If each parcel has an address, the map
 # must show where the parcel on board has to go, or the problem is a POMDP.
@@ -246,11 +246,11 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # them.
 #
 # *Two UAVs:* the state holds the position and the remaining time of each UAV. Each UAV's network
-# gets one more layer, with the other UAV's time left in the cell where it is. Either the two share
-# one reward, or they compete. The safety controller stops two UAVs from entering the same cell. Each
-# UAV is part of the other's world. While one of them learns and flies differently, the other's world
-# changes, so the steps that the other has stored (notebook 6) come from a world that no longer exists
-# ([a map of the field](../docs/tutorials/map_of_the_field.md)).
+# gets one more layer, with the other UAV's remaining time in that UAV's cell. Either the two share
+# one reward, or they compete. The safety controller stops two UAVs from entering the same cell.
+# Each UAV is part of the other's world. As one of them learns to fly differently, the other's world
+# changes, so the steps that the other has stored (notebook 6) come from a world that no longer
+# exists ([a map of the field](../docs/tutorials/map_of_the_field.md)).
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
 # turn back. The UAV still has to choose its route, and it lands when no data is left that is worth
@@ -270,10 +270,10 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # would be two more actions, and the height one more number beside the time. But then the height
 # decides which links are blocked, so the layer of buildings must say how tall the buildings are.
 #
-# *Ten times as wide:* the frame would have 319 cells on each side, so the network would have to
-# read about a hundred times as many numbers as now. A later article by the same authors therefore
-# shows the network two small pictures: the surroundings of the UAV in full, and the whole map
-# averaged to coarse cells.
+# *Ten times as wide:* the frame would have 319 cells on each side, so the network would read about
+# a hundred times as many numbers as now. A later article by the same authors therefore shows the
+# network two small pictures: the surroundings of the UAV in full detail, and the whole map,
+# averaged over coarse cells.
 # </details>
 #
 # ## Recap
