@@ -245,7 +245,7 @@ for metric in scores["random"]:
 #
 # A rule of a few lines of code, then, beats a network that took millions of steps to train. **Why
 # learn at all?** Keep this question in mind until section 9.7 answers it. Here are two hints.
-# First, somebody had to think up the rule and to know what the map means, and not every task has
+# First, somebody had to think up the rule and know what the map means, and not every task has
 # somebody who can do both. Second, in notebook 9 one agent will beat the rule, and another will fly
 # over a city that you typed in only a minute earlier.
 #
@@ -258,7 +258,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 
 # %% [markdown]
 # The agent empties the near device and goes home with nearly half of its time unused, although the
-# two devices in the east still hold nearly all of their data. The agent cannot see them: in every
+# two devices in the east still hold nearly all of their data. The agent cannot see them: at every
 # step they are 14 or 15 columns east of it, in a strip of the map that its network never reads
 # (5.5). Even this flight ended in a landing zone, as all two thousand did, although nothing forced
 # it to. (A crash would be marked by a red star and would score 0, however much data had been

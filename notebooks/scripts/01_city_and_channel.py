@@ -6,7 +6,7 @@
 # The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets
 # data quickly, and over a dark one hardly any. The UAV may not fly over the grey buildings or the
 # hatched zone. By the end of this notebook you will be able to compute the data rate behind every
-# colour, if you are told which cells are in sight of the device.
+# colour, once you know which cells are in sight of the device.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -279,8 +279,8 @@ figure
 #
 # ## 1.6 Where to hover
 #
-# Now compare four places. Distances are measured on the ground, and the last column counts the
-# steps of four slots needed to fetch 15 data units:
+# Compare four places. Distances are measured on the ground, and the last column counts the steps of
+# four slots needed to fetch 15 data units:
 
 # %%
 for name, ground, exponent in (
@@ -296,7 +296,7 @@ for name, ground, exponent in (
 # - Directly above the device, two steps are enough.
 # - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four
 #   steps, because data comes in on the way.
-# - Behind a building, the UAV is only half as far away as down the street, but gets about a
+# - Behind a building, the UAV is only half as far away as it is down the street, but gets about a
 #   tenth as much data.
 # - Round the corner, fetching the data would take longer than any flight lasts.
 #

@@ -141,9 +141,9 @@ figure
 # The black line falls in a step that brings less than 0.2 units of data, and rises in one that
 # brings more. Its last value is the return. An agent that looked no further than the next reward
 # would land at once in this mission, because landing costs nothing. An agent therefore has to learn
-# that a costly step may bring in much more later. When data comes in after thirty steps, which of
-# those steps deserve the credit? This is the problem of **credit assignment**, and notebook 6 is
-# about it.
+# that a costly step may pay for itself later. When data comes in after thirty steps, which of those
+# steps deserve the credit? This is the problem of **credit assignment**, and notebook 6 is about
+# it.
 #
 # Why is data paid for when it comes in, and not on landing, when the score counts it? Because a
 # reward paid on landing could come dozens of steps after the move that earned it. A reward paid at

@@ -95,10 +95,10 @@ for units in (50, 15, 14):
 
 # %% [markdown]
 # One device is far to the north, the other is nearer, in the west, and the nearest landing zone is
-# in the south-east. The five pictures are always the same, but the agent's actions are not. With 50
-# or 15 units of time left, the agent makes for the near device. With 14 it turns for home, because
-# from the next cell to the west the way home would take 14 units and only 13 would be left. From
-# the pictures alone the agent could not tell these cases apart.
+# in the south-east. The five pictures are the same each time, but the agent's actions are not. With
+# 50 or 15 units of time left, the agent makes for the near device. With 14 it turns for home,
+# because from the next cell to the west the way home would take 14 units and only 13 would be left.
+# From the pictures alone the agent could not tell these cases apart.
 #
 # To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. The
 # agent sees the true pictures, but the time it is shown never changes. The true time runs out
@@ -230,7 +230,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels
 # expected here". Each delivery earns a reward. The layer of buildings, which says what blocks radio
 # signals, can go; the no-fly layer stays. The same picture calls for one action with a parcel on
-# board and for another without one, so "on board" becomes one more input number beside the time.
+# board and for another without one, so "on board" becomes one more input number alongside the time.
 # This number is enough if any parcel will do at any place. If each parcel has an address, the map
 # must show where the parcel on board has to go, or the problem is a POMDP.
 #
@@ -267,7 +267,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # action with the largest number. Angles and speeds cannot be listed like this, so methods such as
 # **soft actor-critic** (SAC) train a second network that proposes the action ([a map of the
 # field](../docs/tutorials/map_of_the_field.md)). A few *heights* could still be listed: up and down
-# would be two more actions, and the height one more number beside the time. But then the height
+# would be two more actions, and the height one more number alongside the time. But then the height
 # decides which links are blocked, so the layer of buildings must say how tall the buildings are.
 #
 # *Ten times as wide:* the frame would have 319 cells on each side, so the network would read about
