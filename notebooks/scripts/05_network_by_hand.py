@@ -283,7 +283,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
 # The **dense network in place** does well in training and poorly in the test. It has learned many
-# training pairs by heart, and for new ones does little better than guessing. This is
+# training pairs by heart, but does little better than guessing on new ones. This is
 # **overfitting**: the network fits its examples better than the world that they come from. A weight
 # of the first layer belongs to something at an absolute place, such as "device at (4, 7)". Whether
 # a device there is near depends on where the UAV is, so what the network learns about one pair

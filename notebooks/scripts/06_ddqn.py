@@ -116,7 +116,7 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 #
 # ### The discount
 #
-# The agent does not learn the plain sum of rewards of notebook 3 but a sum in which a reward $k$
+# The agent does not learn the plain sum of rewards of notebook 3, but a sum in which a reward $k$
 # steps ahead counts only $\gamma^k$ times its size (paper, eq. 6). A Q-value is the expected value
 # of that sum (eq. 5):
 #
@@ -135,8 +135,8 @@ for gamma in (0.5, 0.95, 1.0):
 #   so on. Each estimate adds an error, and $\gamma$ shrinks the errors from far away.
 # - *Noise.* Rewards fifty steps ahead depend on fifty steps of fading and on fifty actions still to
 #   be chosen, so they say little about which action is better *now*.
-# - *Time.* With $\gamma=0.95$ news of a reward need not travel back more than a few dozen steps.
-#   With $\gamma=1$ it has to travel back through the whole flight.
+# - *Time.* With $\gamma=0.95$, news of a reward need not travel back more than a few dozen steps.
+#   With $\gamma=1$, it has to travel back through the whole flight.
 #
 # The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
 # the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 units and is
@@ -148,7 +148,7 @@ for gamma in (0.5, 0.95, 1.0):
 # A table for Manhattan would need a row for every combination of positions, times and amounts of
 # data: for five devices, more than $10^{13}$ rows, even without the amounts. Instead, a network
 # computes the Q-values from its inputs (in the small city, the row and column of the cell). It
-# answers even for a cell that it has never seen, and neighbouring cells get similar values. This is
+# answers even for a cell it has never seen, and neighbouring cells get similar values. This is
 # **generalisation**.
 #
 # In the table, an entry moved a fraction $\alpha$ of the way to $y$. Now the weights $\theta$ take
@@ -219,7 +219,7 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # While the online network takes a step, the targets hardly move, so it can catch up with them. The
 # target network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. With
-# $\tau=0.00001$ the targets would stay meaningless for the whole run below; with $\tau=1$ both
+# $\tau=0.00001$ the targets would stay meaningless for the whole run below; with $\tau=1$ the two
 # networks would be identical. Here are three runs with $\tau=0.05$:
 
 # %%

@@ -165,7 +165,7 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 #
 # At first the agent learns to land. Then **collected** rises while **landed** and the **return**
 # fall sharply, because the agent flies farther, and exploring makes it late. Later both recover,
-# mainly because the agent explores less: of its flights without exploring between 200,000 and
+# mainly because the agent explores less: of its flights without exploration between 200,000 and
 # 500,000 steps, when a crash still cost less than 30 units, 98 % ended with a landing.
 #
 # Many people look at the **loss** first, but the loss tells you least. In notebook 5 the examples

@@ -63,10 +63,10 @@ for name, recipe in centring(LITE).items():
 #
 # ## 8.2 The paper's figure
 #
-# The figure at the top has the same form as the paper's. But each of our points is a mean over the
-# training flights in a bin of 5000 steps, in which the agent explores, whereas the paper's agent
-# always took the action it rated highest. Each line is the mean of three runs. The pale band runs
-# from the 0.5th to the 99.5th percentile of the three values, which is almost their whole range.
+# The figure at the top has the same form as the paper's. But each of our points is a mean over 5000
+# steps of training flights, in which the agent explores, whereas the paper's agent always took the
+# action that it rated highest. Each line is the mean of three runs. The pale band runs from the
+# 0.5th to the 99.5th percentile of the three values, which is almost their whole range.
 #
 # The two pictures do not agree. On the left, by return, the centred agents do *worse* much
 # of the time, but on the right, by *collected and landed*, they do better. They collect more,
@@ -128,7 +128,7 @@ figure.supylabel("collected and landed");
 # %% [markdown]
 # **One seed can show a lead of almost any size**: at the end the lead is 46 percentage points with
 # seed 2, 5 with seed 3 and 1 with seed 5. Report all seeds, because the best of several results
-# owes more to luck than the others.
+# owes more to luck than the others do.
 #
 # ## 8.4 How sure can you be?
 #
@@ -194,9 +194,9 @@ for name, values in share.items():
 # %% [markdown]
 # These intervals show the luck of the missions, not that of the training. They come from the
 # **bootstrap**, which draws 1000 results from the 1000 recorded ones *with replacement* (some
-# twice, some not at all) and takes the mean. It repeats this many times, and records how much the
-# mean varies. For a share $p$ of yes-or-no results, such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 %
-# in 1000 missions means 97 ± 1.1 %.
+# twice, some not at all) and takes the mean. The bootstrap repeats this many times, and records how
+# much the mean varies. For a share $p$ of yes-or-no results, such as `landed`, $s$ is
+# $\sqrt{p(1-p)}$: 97 % in 1000 missions means 97 ± 1.1 %.
 #
 # ### Paired differences
 #

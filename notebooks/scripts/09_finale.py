@@ -163,14 +163,14 @@ figure
 # ## 9.5 Learn on
 #
 # A copy makes small mistakes, which can take the copy to states in which it never saw the genie
-# act; there it makes larger mistakes. Asking the genie what to do in those states is meant to mend
-# this (notebook 12). And the genie itself is not perfect: it plans without fading, so it does not
-# reckon with luck. Reward can teach what the genie does not know.
+# act; there it makes larger mistakes. Asking the genie what to do in those states is meant to
+# remedy this (notebook 12). And the genie itself is not perfect: it plans without fading, so it
+# does not reckon with luck. Reward can teach what the genie does not know.
 #
 # The agent therefore now learns from its own flights. It flies each mission several times, drawing
 # its actions from its probabilities, and compares the return of each flight with the mean return of
-# the others. The difference is the flight's **advantage** $A$. Say two flights of one mission bring
-# returns of 30 and 20. The first has $A=+10$, so each of its actions becomes more likely. The
+# the others. The difference is the flight's **advantage** $A$. Suppose two flights of one mission
+# bring returns of 30 and 20. The first has $A=+10$, so each of its actions becomes more likely. The
 # second has $A=-10$, so each of its actions becomes less likely, even a good one; over many flights
 # such errors average out. The loss is that of 9.4, weighted by $A$:
 #
