@@ -252,9 +252,22 @@ def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(brows
         assert page.locator(".tool h2").evaluate(
             "each => !each.checkVisibility({visibilityProperty: true})"
         )
-        press(page, "Go on")
+        go = page.get_by_role("button", name="Go on")
+        expect(go).to_be_focused()
+        page.keyboard.press("Enter")
         expect(page.locator(".controls output")).not_to_have_text(re.compile("^0 of"))
-        expect(caption).to_contain_text("before they part for good")
+        page.keyboard.press("Enter")  # while it plays, a second press does nothing
+        expect(caption).to_contain_text("Here they part for good")
+        expect(page.get_by_role("button", name="Play")).to_be_visible()  # until it is read
+        expect(go).to_be_focused()
+        for size in ("phone", "doubled"):  # its text ends above its buttons
+            width, height = SIZES[size]
+            page.set_viewport_size({"width": width, "height": height})
+            text, row = (
+                caption.locator(each).evaluate("each => each.getBoundingClientRect().toJSON()")
+                for each in (".told", ".row")
+            )
+            assert text["bottom"] <= row["top"] + 1 and row["bottom"] <= height, size
         clock = page.locator(".controls input")
         clock.fill(clock.get_attribute("max"))
         expect(caption).to_contain_text("This mission was chosen because the difference shows.")

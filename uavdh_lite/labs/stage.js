@@ -30,7 +30,8 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
     </div></div>
   <div class="main"><div class="inside"><div class="stages"></div>
     <div class="tool" id="panel" role="tabpanel" tabindex="0"></div>
-    <div class="caption" role="status" hidden></div></div>
+    <div class="caption" hidden><div class="told" role="status"></div>
+      <div class="row"><button type="button" class="go"></button><button type="button" class="skip">Skip the story</button></div></div></div>
     <dialog class="drawer" aria-label="${MORE}">
       <form method="dialog"><h2>${MORE}</h2><button class="close" aria-label="close">×</button></form>
       <table class="devices"></table>
@@ -62,7 +63,7 @@ export function draw(el, model) {
   let [asked, waiting, settle] = [0, [], () => {}]; // how much was asked, what is not answered yet, what is called when all is
   const next = new Map(); // what is asked when it has come, the last of each kind
   let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of what is to be kept
-  let [clock, story] = [null, null]; // the playback; what is still to be told, and whether it stops for a caption to be read
+  let [clock, story] = [null, false]; // the playback; whether the story is told
   let again = []; // what had no answer before a reload
   let entry = {}; // of the browser's history: its text, its place and when it was new; empty while another is opened
   el.classList.add("uavdh-player", "uavdh-stage");
@@ -120,14 +121,13 @@ export function draw(el, model) {
     },
     endStory,
     goOn() {
-      story.reads = false;
-      if (document.activeElement === find(".go")) find(".skip").focus({ preventScroll: true });
-      clock.show(clock.now.time, true);
+      const { time, last } = clock.now;
+      if (time >= last) endStory();
+      else clock.show(time, true);
     },
     skipStory() {
-      const end = clock.now.time >= clock.now.last;
       endStory();
-      if (!end) clock.show(clock.now.last);
+      clock.show(clock.now.last);
     },
     async copyLink(button) {
       const answered = new Promise((resolve) => (waiting.length ? (settle = resolve) : resolve()));
@@ -297,9 +297,8 @@ export function draw(el, model) {
 
   const stageNow = () => ({ ...scene.stage, step: shownStep() });
   const stateNow = () => {
-    const { time, playing } = clock.now;
     const asks = [...waiting, ...again, ...next.values()];
-    return { stage: stageNow(), asks, sign: brush.sign, story: story && { step: Math.floor(time), plays: playing || story.reads } };
+    return { stage: stageNow(), asks, sign: brush.sign, story: story && { step: Math.floor(clock.now.time) } };
   };
   const opens = () => waiting.some(({ kind }) => kind === "open"); // then this entry is not ours to write
 
@@ -345,11 +344,12 @@ export function draw(el, model) {
 
   // The story: a duel plays, and captions say what to look at
 
-  function beginStory({ step, plays } = { step: 0, plays: true }) {
+  function beginStory({ step } = { step: 0 }) {
     if (!scene.fresh || scene.state.tool !== "compare") return;
-    story = { reads: false };
+    story = true;
     el.classList.add("telling");
-    clock.show(step, plays);
+    clock.show(step);
+    find(".go").focus({ preventScroll: true });
     stage.ask({ kind: "many", quiet: true });
   }
 
@@ -360,7 +360,7 @@ export function draw(el, model) {
     const often = home ? ` Over 100 random missions, ${home} of the data home${lead > 0 ? `, so on average ${other} is ahead` : ""}.` : "";
     return [
       [0, "Two drones, one mission: collect the devices' data, and land on a blue cell in time.",
-        "Dark: tall buildings. Red lines: no-fly zone. Violet: hidden from the device that is heard."],
+        "Grey: tall buildings. Red lines: no-fly zone. Violet: hidden from the device that is heard."],
       [parting ?? 0, `Here they part for good. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
       [Math.max(...results.map(({ steps }) => steps)),
         `${verdict} This mission was chosen because the difference shows.${often} Now it is your turn: drag a device, or fly yourself.`],
@@ -370,26 +370,24 @@ export function draw(el, model) {
   function tellStory(time, playing) {
     if (!story) return;
     const [, text, about = ""] = captions().filter(([from]) => from <= time).at(-1);
-    const caption = find(".caption");
+    const [caption, told, go, skip] = [".caption", ".told", ".go", ".skip"].map(find);
     const end = time >= clock.now.last;
     caption.hidden = false;
-    if (find(".go")) find(".go").hidden = playing || end;
-    if (caption.dataset.text === text) return;
-    caption.dataset.text = text;
-    const held = !caption.innerHTML || caption.contains(document.activeElement);
-    caption.innerHTML = `<p>${escaped(text)}</p><p><small>${about} Orange ring: where each is before they part for good.</small></p>
-      <div class="row"><button type="button" class="go" hidden>Go on</button><button type="button" class="skip">${end ? "Your turn" : "Skip the story"}</button></div>`;
-    if (held) find(".skip").focus({ preventScroll: true }); // so that Enter goes on
-    story.reads = playing && !end;
-    if (!story.reads) return;
-    setTimeout(() => clock.show(Math.floor(time), false)); // between two steps the counter is already at the next
-    setTimeout(() => caption.dataset.text === text && story?.reads && stage.goOn(), Math.max(6500, 70 * text.length)); // time to read it
+    go.textContent = end ? "Your turn" : "Go on";
+    go.ariaDisabled = playing; // it keeps its place and the focus, and another press does nothing
+    if (end && document.activeElement === skip) go.focus({ preventScroll: true });
+    skip.hidden = end;
+    if (told.dataset.text === text) return;
+    told.dataset.text = text;
+    told.innerHTML = `<p>${escaped(text)}</p><p><small>${about} Orange ring: where each is before they part for good.</small></p>`;
+    told.scrollTop = 0;
+    if (playing) setTimeout(() => clock.show(Math.floor(time))); // to be read; between two steps the counter is already at the next
   }
 
   function endStory() {
     if (!story) return;
     const held = find(".caption").contains(document.activeElement);
-    [story, find(".caption").hidden] = [null, true];
+    [story, find(".caption").hidden] = [false, true];
     el.classList.remove("telling");
     if (held) find("#panel").focus({ preventScroll: true });
   }
