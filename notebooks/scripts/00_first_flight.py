@@ -247,7 +247,7 @@ for metric in scores["random"]:
 # learn at all?** Keep this question in mind until section 9.7 answers it. Here are two hints.
 # First, somebody had to think up the rule and know what the map means, and not every task has
 # somebody who can do both. Second, in notebook 9 one agent will beat the rule, and another will fly
-# over a city that you typed in only a minute earlier.
+# over a city that you typed a minute earlier.
 #
 # A mean hides a lot, so look at individual flights, too. Of the agent's two thousand flights, this
 # one brought home the smallest share of the data:
@@ -273,10 +273,10 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 #
 # The agent sees the map of the city, its own position, the positions of the devices (except those
 # too far south or east of it, see 5.5), how much data each of them still has and has already sent,
-# and the time left. It does not see the violet
-# shadows. It can have noticed them only in training, where little reward came in behind buildings.
-# Nor does it know the formulas of the radio channel. It makes no plan, either. At every step it
-# asks afresh which of the six actions looks most promising.
+# and the time left. It does not see the violet shadows. It can only have noticed them in training,
+# where little reward came in behind buildings. Nor does it know the formulas of the radio channel.
+# It makes no plan, either. At every step it asks afresh which of the six actions looks most
+# promising.
 #
 # You can put the same question to its network. For each action the network gives a number, the
 # **Q-value**: the sum of the rewards that it expects from now on if the agent takes that action and

@@ -3,9 +3,9 @@
 #
 # **Where must the UAV be to see a device, and how can a program find this out?**
 #
-# The code below puts a device at the cross. Over a violet cell, a building blocks the UAV's view of
-# the device. To colour this map, a program follows one straight ray from the device to each cell
-# and asks what the ray crosses. The hard part is getting the answer right every time.
+# The code below puts a device at the cross. When the UAV is over a violet cell, a building blocks
+# its view of the device. To colour this map, a program follows one straight ray from the device to
+# each cell and asks what the ray crosses. The hard part is getting the answer right every time.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.

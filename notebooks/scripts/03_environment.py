@@ -214,9 +214,8 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # is the sum over its slots (eq. 4).
 #
 # Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
-# some missions would be lucky from start to end, and a pilot would first have to find out by
-# measuring whether its own mission was lucky. With four draws in each step, most of this luck
-# averages out.
+# some missions would be lucky from start to end, and a pilot would first have to measure whether
+# its own mission was lucky. With four draws in each step, most of this luck averages out.
 #
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
 # only 1.5 units of data left:

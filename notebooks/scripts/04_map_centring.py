@@ -57,7 +57,7 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # learn by heart.
 #
 # The UAV is always in the middle of the *frame*, the square that each picture fills. This is called
-# **map centring** (paper, section III-C), the paper's second idea after the map itself.
+# **map centring** (paper, section III-C), the paper's second idea, after the map itself.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -136,9 +136,9 @@ figure.legend(loc="outside right upper", fontsize="small");
 # the air when the true time is up, because the clock never warns them. With 50 or 60 units most
 # UAVs stay in the air until they crash, many with nothing left to collect. Flying home at once
 # would then give the highest return, because each step costs something. But one more step changes
-# the Q-value by no more than its price, which was 0.1 in training, and such a small difference is
-# easily lost in the network's errors. No stopped clock gives a score (orange) near that of the true
-# clock (black).
+# the Q-value by no more than the step's price, which was 0.1 in training, and such a small
+# difference is easily lost in the network's errors. No stopped clock gives a score (orange) near
+# that of the true clock (black).
 #
 # Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
 # because the future would depend on something that the agent could not see. The problem would be
@@ -240,10 +240,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # time.
 #
 # *Refilling buffers:* an episode no longer has a fixed amount of data that could all be collected,
-# so *collected and landed* must be replaced, for example by the data collected per unit of time.
-# "Data left" stays as a layer. If the devices fill at different rates that the agent cannot see,
-# the task becomes a POMDP. Show the rates in a layer of their own; otherwise the agent has to guess
-# them.
+# so *collected and landed* must be replaced, for example by the data per unit of time. "Data left"
+# stays as a layer. If the devices fill at different rates that the agent cannot see, the task
+# becomes a POMDP. Show the rates in a layer of their own; otherwise the agent has to guess them.
 #
 # *Two UAVs:* the state holds the position and the remaining time of each UAV. Each UAV's network
 # gets one more layer, with the other UAV's remaining time in that UAV's cell. Either the two share

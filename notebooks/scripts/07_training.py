@@ -185,8 +185,8 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # learning rate, the cost of a crash), and whether the memory still holds enough different flights.
 #
 # If the learning rate is far too large, the score does not rise, whatever the seed, and the
-# Q-values swing; if it is far too small, Q-values and score hardly move. The loss may grow in both
-# cases.
+# Q-values swing; if it is far too small, Q-values and score hardly move. The loss may grow in
+# either case.
 #
 # ## 7.4 Two ways to fail
 #

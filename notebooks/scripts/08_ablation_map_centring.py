@@ -203,7 +203,7 @@ for name, values in share.items():
 # Do the agent and greedy differ at all? Look at the interval for the difference. One can combine
 # the standard errors of both pilots as if they had flown different missions,
 # $\sqrt{s_1^2/n+s_2^2/n}$. Or one can subtract mission by mission, because both flew the *same*
-# missions: a hard mission is hard for both, so much of the missions' luck cancels.
+# missions: a hard mission is hard for both, and much of the luck therefore cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
@@ -312,7 +312,7 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # - One seed is a sample of one.
 # - Give every gap with its interval. If 0 is well inside the interval, the question is open; if 0
 #   is near one end, neither answer is safe.
-# - Put baselines next to every number, and compare on the same missions, pair by pair.
+# - Put baselines next to every number, and compare mission by mission on the same missions.
 #
 # ## Exercises
 #

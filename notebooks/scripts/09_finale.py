@@ -300,7 +300,7 @@ for name, each in flown.items():
 #
 # Learning pays where the channel, the rule or the time to search is missing. Where nobody can write
 # down the channel, no genie can plan and nobody can compute expected data, but reward still
-# teaches, over millions of steps, or in a simulator that was fitted to measurements (notebook 14).
+# teaches, over millions of real steps, or in a simulator fitted to measurements (notebook 14).
 # Where nobody knows a good rule, an agent may find its own. Where a search takes too long, as it
 # may over `metropolis`, an agent pays for it beforehand, in training and **for all missions**, and
 # then decides at once. Over our city nothing is missing, which makes it a good place to study the

@@ -80,10 +80,10 @@ for variant, size in SIZES.items():
 #
 # ## 11.2 How old are the drawn steps?
 #
-# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the
-# oldest. The recipe has 16 UAVs, which fly their missions side by side. Whenever all 16 have taken a step, one update draws 64 steps from
-# the memory, so a step is drawn $64/16 = 4$ times on average before it is forgotten. That holds for a memory of any size, because a larger
-# one keeps a step longer but draws it less often.
+# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the oldest. The recipe has 16 UAVs, which fly
+# their missions side by side. Whenever all 16 have taken a step, one update draws 64 steps from the memory, so once the memory is full, a
+# new step is drawn $64/16 = 4$ times on average before it is forgotten. That holds for a full memory of any size, because a larger one
+# keeps a step longer but draws it less often.
 #
 # What the size does change is how *old* the drawn steps are. A memory of 250 steps holds about the
 # last 16 steps of each of the 16 UAVs, which is about one flight. A memory of 40,000 steps holds
@@ -204,10 +204,10 @@ figure
 # With the large memory, hardly anything is lost. Near missions are no longer flown, but their steps
 # are still drawn, so the network has to stay right about them.
 #
-# Now look at the right side. By the end the small memory is ahead on average, though some runs
-# overlap. It holds only steps of far missions, whereas even at the end, half of the steps drawn
-# from the large one come from near missions. With a large memory, therefore, a network remembers what is no longer flown, but is slow to
-# adapt when the world changes. **Combined replay**, which puts the newest step into every minibatch, shortens this delay.
+# Now look at the right side. By the end the small memory is ahead on average, though some runs overlap. It holds only steps of far
+# missions, whereas, even at the end, half of the steps drawn from the large one come from near missions. With a large memory, therefore,
+# a network remembers what is no longer flown, but may adapt more slowly when the world changes. **Combined replay**, which puts the
+# newest step into every minibatch, is meant to shorten this delay.
 #
 # **Prioritised replay** goes further, and draws steps with a large error more often than others. But a Q-value
 # is a mean over good and bad luck, and if lucky steps, for example, are drawn too often, that mean shifts.
@@ -348,7 +348,8 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 # - With replay, an agent learns from each step several times, and from the steps of many flights at
 #   once.
 # - A small memory holds only the latest one or two flights of each UAV, so the network overwrites what it knew about other missions.
-# - With a large memory, a network remembers earlier missions, but adapts more slowly when the world changes.
+# - With a large memory, a network remembers earlier missions, but may adapt more slowly when the world
+#   changes.
 # - A network can learn what no input says, such as that walls cost data.
 # - To see what a network looks at, change its input, and compare the effect with that of a control.
 #

@@ -176,8 +176,9 @@ Quiz("what_may_be_told")
 # ## 12.3 Copy: a planner as teacher
 #
 # The *genie* is a search over whole flights. It knows the rate of every link without fading, and keeps the best
-# candidate flights for each cell and moment (a **beam search**). It flies better than any agent here, but takes much
-# longer to decide. Can a network learn to do what the genie does, without the search?
+# candidate flights for each cell and moment (a **beam search**). It flies better than any agent here, but has to
+# search in flight, which takes seconds over a large city. Can a network learn to do what the genie does, without the
+# search?
 
 # %%
 from uavdh_lite.beyond.genie import Genie
@@ -227,7 +228,7 @@ assert np.mean(agree) > 0.85
 # There is a trap, however. The genie never flies into a dead end, so its flights show no way out of
 # one. A copy that errs once gets to places that it has never seen, and errs again. The remedy is to
 # let the *learner* fly, and to ask the genie how to go on from states that the learner gets into. A
-# third of the genie's flights begin in such a state; they give about a fifth of the labels. (This
+# third of the genie's flights begin in such a state; they give about a quarter of the labels. (This
 # is a relative of **DAgger**, *dataset aggregation*, which labels every state of the learner's
 # flights.)
 
@@ -237,10 +238,10 @@ Quiz("why_own_starts")
 # %% [markdown]
 # ## 12.4 Learn: what only reward can say
 #
-# The genie plans without fading, so it does not allow for luck. And a copy makes errors that no further examples from the genie's own
-# flights would correct. Learning from reward needs neither a teacher nor a formula, because all that counts is how good a flight was.
-# That is why the shipped agents that copied the genie learned from reward afterwards. To do so, such an agent draws its actions from
-# $\pi$, and flies each mission eight times:
+# The genie plans without fading, so it does not allow for luck. And a copy may make errors that further examples from the genie's own
+# flights would not correct. Learning from reward needs neither a teacher nor a formula, because all that counts is how good a flight
+# was. That is why the shipped agents that copied the genie learned from reward afterwards. To do so, such an agent draws its actions
+# from $\pi$, and flies each mission eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages
@@ -264,10 +265,9 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did
 # in a bad one becomes less likely. (The library makes several updates from the same flights, so it
 # uses this loss in the clipped form of PPO, which limits how far they change a probability.) This
-# is a **policy gradient** method, and here no network has to learn values. An agent that knows
-# nothing would take a very long time to learn in this way, because hardly any of its flights are
-# good. The agent `manhattan`, which had copied the genie first, learned in this way for only about
-# twelve minutes.
+# is a **policy gradient** method, and here no network has to learn values. We have not tried this
+# method with an agent that knows nothing; hardly any of its flights would be good. The agent
+# `manhattan`, which had copied the genie first, learned in this way for only about twelve minutes.
 #
 # The paper's agents see the map, and learn the rest from reward. In principle they could learn even
 # in a place whose channel nobody can write down, if they could fly millions of steps there, crashes
@@ -369,4 +369,4 @@ for name, knows in agents.items():
 #
 # - Ross, Gordon and Bagnell, [*A reduction of imitation learning and structured prediction to no-regret online
 #   learning*](https://arxiv.org/abs/1011.0686), AISTATS 2011: DAgger.
-# - The page *Four ways to knowledge* on the site, under Results, gives the commands and seeds, and says what else was tried.
+# - The page *Four ways to knowledge* on the site, under Results, says what else was tried.

@@ -94,8 +94,8 @@ both = sum(city.fingerprint in learned for city in unseen)
 print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
 
 # %% [markdown]
-# Here *unseen* means other cities, but from the same generator (**in distribution**). The word promises nothing about cities that this
-# generator would never draw.
+# Here *unseen* means other cities, but from the same generator (nearly **in distribution**: all have 16 cells on a side, and those to
+# learn in 8 to 16). The word promises nothing about cities that this generator would never draw.
 #
 # ## 13.2 Is one network enough?
 #
@@ -151,8 +151,8 @@ Quiz("centred_in_a_new_city")
 #
 # ## 13.3 Draw your own
 #
-# Type a city, and fly over it. Ten cells on a side will do. `L` is the landing zone, `N` a no-fly zone, `B` a tall building,
-# `b` a low one, and a dot a free cell. Change the city as you like:
+# Type in a city, and fly over it. Ten cells on a side will do. `L` is the landing zone, `N` a no-fly zone, `B` a tall
+# building, `b` a low one, and a dot a free cell. Change the city as you like:
 
 # %%
 mine = City.from_text("mine", """
@@ -187,12 +187,12 @@ play(own.environment, flight.trajectory(0))
 # ## 13.4 Seen and unseen
 #
 # Does an agent do better in the cities that it learned in than in new ones? If it does, it has learned some of those cities by
-# heart, and more cities would help.
+# heart, and more cities may help.
 #
-# To see an agent learn by heart, give it fewer cities. Twelve networks learned from reward, with the failsafe and told layers, in 1, 10, 100 or
-# 2000 cities, with three seeds for each number of cities and 200,000 steps for each network. Each flew 500 missions over the cities
-# that it had learned in, and 500 more over 300 other cities. Because the two sets of cities are not equally hard, greedy flew the same
-# missions, and each network is compared with it:
+# To see an agent learn by heart, give it fewer cities. Twelve networks learned from reward, with the failsafe and the told layers, in 1, 10,
+# 100 or 2000 cities, with three seeds for each number of cities and 200,000 steps for each network. Each flew 500 missions over the cities that
+# it had learned in, and 500 more over 300 other cities. Because the two sets of cities are not equally hard, greedy flew the same missions, and
+# each network is compared with it:
 
 # %%
 from uavdh_lite.storage import data_folder, read_table
@@ -233,8 +233,8 @@ figure
 # Notice what happens from left to right. The blue curve falls, because many cities are harder to know than one. The red
 # curve rises, because what holds in many cities also holds in the next one. Where they meet, little is learned by heart
 # any more, so what still holds the networks back is mainly something other than memorising. After only 200,000 steps,
-# all twelve are far behind greedy in new cities. The agent `any_city` therefore copied a planner first, and only then
-# learned from reward, as notebook 12 explains.
+# all twelve are far behind greedy in new cities. The agent `any_city` copied a planner first, and only then learned
+# from reward, as notebook 12 explains.
 #
 # Between 100 and 2000 cities the red curve changes by less than the spread between seeds, so three short runs cannot tell
 # whether more than a hundred cities help. And because all seeds learned in the same cities, their spread says nothing about
@@ -369,7 +369,8 @@ figure
 # - The more cities there are to learn in, the closer the scores over seen and unseen cities come to each other.
 # - *Unseen* means little until you say where the cities come from, so name their source whenever you report a number for unseen cities.
 # - Missions in one city share its walls. For a claim about cities, resample whole cities.
-# - If you test for a property that every right answer must have, you find errors even where nobody knows the answers.
+# - If you test for a property that every right answer must have, you can find errors even where nobody knows the
+#   answers.
 #
 # ## Exercises
 #

@@ -117,8 +117,8 @@ figure
 # %% [markdown]
 # On the right the bright area is wider, because the real street is more open than our 10 m grid
 # suggests. Beyond its edge the rate falls by a factor of 3 to 60 within one cell, and deep in the
-# shadow it falls by even more. In most cells it does not reach zero, because waves are bent around
-# corners or reflected. In white cells the rate is below $10^{-5}$, or no ray arrives.
+# shadow by more. In most cells it does not reach zero, because waves are bent around corners or
+# reflected. In white cells the rate is below $10^{-5}$, or no ray arrives.
 #
 # ## 14.3 Link by link
 #
@@ -157,8 +157,9 @@ for kind, state in kinds.items():
 # The paper's exponents are 2.27 and 3.64, with spreads of 1.4 and 2.2 dB.
 #
 # - **In sight** the exponent is *below* 2, the value in free space, because, far from the device, reflections from the ground and the
-#   walls contribute up to 3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the **street canyon**
-#   effect. The 3 % of links far below the others are blocked by walls that our grid misses; without these links the spread is 0.8 dB.
+#   walls contribute about 3 dB on average here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the
+#   **street canyon** effect. The 3 % of links far below the others are blocked by walls that our grid misses; without these links the
+#   spread is 0.8 dB.
 # - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
 #   differ by 60 dB or more, and for a third of them the tracer finds no path.
 # - **The spread differs in kind** from that in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and
@@ -195,9 +196,9 @@ figure.colorbar(picture, ax=figure.axes, label=label, extend="both")
 figure
 
 # %% [markdown]
-# In violet cells the UAV hears more than the model promises; in orange cells, less. In sight, the model's line is steeper than that of the
-# rays, but has the same mean. Therefore, up to 40 m, where most of the data is collected, the rays bring a sixth less than the model
-# promises, and beyond 70 m nearly half as much again.
+# In violet cells the UAV hears more than the model promises; in orange cells, less. For links in sight, the model's line is steeper than
+# that of the rays, but its mean is the same. Therefore, up to 40 m, where most of the data is collected, the rays bring a sixth less than
+# the model promises, and beyond 70 m nearly half more.
 #
 # Behind buildings, next to corners, the rays bring *more* than the model promises. Nine tenths of this
 # surplus comes from links that are at most 3 dB below free space. Our shadow map calls them hidden, but the
@@ -311,7 +312,7 @@ print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum
 # There are two ways to turn these notes into a belief:
 #
 # 1. **Two lines.** Fit a line to the SNRs in sight and another to those behind buildings. Because links that are too weak to hear count as −30 dB, the
-#    second line is much flatter than in 14.3 and promises too much deep in the shadow.
+#    second line is much flatter than in 14.3 and, deep in the shadow, promises too much.
 # 2. **Link by link.** Correct these lines by what was measured *nearby*: if a device in the next cell was 15 dB below the line, a device in this one
 #    probably is, too.
 #
@@ -365,9 +366,9 @@ for radio in worlds:
 #
 # 1. **Ask** first: flying is regulated.
 # 2. **Check the map.** Heights may be wrong, and trees, cranes and wires are missing.
-# 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over.
-#    First test the link by which you command the UAV. Know the UAV's position to better than a cell, which satellite
-#    navigation between walls may not allow.
+# 3. **Measure before you trust the model**, at the height and with the antennas of the mission, and in sight of somebody who
+#    can take over. First test the link by which you command the UAV. Know the UAV's position to better than a cell, which
+#    satellite navigation between walls may not allow.
 # 4. **Keep the failsafe**, with a margin.
 #
 # ## Recap
@@ -375,7 +376,7 @@ for radio in worlds:
 # - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings, where a
 #   ray arrives at all, the model is off by 21 dB (RMS).
 # - `any_city` is ahead of greedy over four real places, but by less under the ray-traced model than under the paper's.
-# - World and belief can differ. Measuring, link by link and with many flights, corrects the belief.
+# - World and belief can differ. Measuring each link over many flights corrects the belief.
 #
 # ## Exercises
 #

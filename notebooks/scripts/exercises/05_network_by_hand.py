@@ -157,8 +157,8 @@ checks.convolve(convolve)
 # (4,))` is 27 + 56 + 30 = 113. If there were a second convolution, it would see these 3 layers, not
 # the 2 of the map.
 #
-# Try to do the count with plain arithmetic and without torch, because counting is the point of the
-# exercise. For the paper's network in a city with M = 16 the result is 2,308,854.
+# Try to count with plain arithmetic, without torch, because counting is the point of the exercise.
+# For the paper's network in a city with M = 16 the result is 2,308,854.
 #
 # <details><summary>Hint</summary>
 #

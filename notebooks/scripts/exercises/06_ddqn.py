@@ -433,15 +433,15 @@ checks.double_target(target)
 #
 # <details><summary>Hint</summary>
 #
-# As a float32, exp(10 000) is infinite. But the probabilities depend only on the gaps between a
+# As a float32, exp(10,000) is infinite. But the probabilities depend only on the gaps between a
 # state's Q-values: what may you subtract from all Q-values of a state?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# A factor that is common to all exponentials of a row cancels when you divide by their sum; exp(−c/β) is
-# such a factor, and turns exp(Q/β) into exp((Q − c)/β). Which c, a different one in each row,
-# leaves no exponent above 0, and makes one of them exactly 0?
+# A factor that is common to all exponentials of a row cancels when you divide by their sum;
+# exp(−c/β) is such a factor, and turns exp(Q/β) into exp((Q − c)/β). Which c, chosen for each row
+# separately, leaves no exponent above 0, and makes one of them exactly 0?
 # </details>
 
 # %%
