@@ -139,7 +139,7 @@ for name, values in flights.records().items():
 # the positions of the devices and the start, which is one of the eight landing cells. The agent
 # flies any such mission without further training.
 #
-# Put three devices wherever you like, except on a building or in a landing zone. A position is a
+# Put three devices in any three cells, except on buildings and in landing zones. A position is a
 # pair of numbers, row and column, which are counted from 0 at the top left corner:
 
 # %%
@@ -257,11 +257,11 @@ worst = scores["manhattan_ddqn"]["collected_and_landed"].argmin()
 trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 
 # %% [markdown]
-# The agent empties the near device and goes home with nearly half of its time unused, although the
-# two devices in the east still hold nearly all of their data. The agent cannot see them: at every
-# step they are 14 or 15 columns east of it, in a strip of the map that its network never reads
-# (5.5). Even this flight ended in a landing zone, as all two thousand did, although nothing forced
-# it to. (A crash would be marked by a red star and would score 0, however much data had been
+# The agent empties the western device and goes home with nearly half of its time unused, although
+# the two devices in the east still hold nearly all of their data. The agent cannot see them: at
+# every step they are 14 or 15 columns east of it, in a strip of the map that its network never
+# reads (5.5). Even this flight ended in a landing zone, as all two thousand did, although nothing
+# forced it to. (A crash would be marked by a red star and would score 0, however much data had been
 # collected.)
 #
 # Does this agent always land, then? Two thousand landings in a row do not prove it. Even a pilot

@@ -302,7 +302,7 @@ for name, ground, exponent in (
 #
 # The answer to the question at the top is: anywhere *in sight* of the device and not too far away.
 # Which places these are depends on the buildings, and the agent must find them. In the lab
-# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch the rates change.
+# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch the SNRs change.
 #
 # ## Recap
 #

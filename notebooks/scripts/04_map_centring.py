@@ -96,9 +96,9 @@ for units in (50, 15, 14):
 # %% [markdown]
 # One device is far to the north, the other is nearer, in the west, and the nearest landing zone is
 # in the south-east. The five pictures are the same each time, but the agent's actions are not. With
-# 50 or 15 units of time left, the agent makes for the near device. With 14 it turns for home,
-# because from the next cell to the west the way home would take 14 units and only 13 would be left.
-# From the pictures alone the agent could not tell these cases apart.
+# 50 or 15 units of time left, the agent makes for the near device. With 14 it turns for home in
+# time: from the next cell to the west, the way home would take 14 units, with 13 left. From the
+# pictures alone the agent could not tell these cases apart.
 #
 # To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. The
 # agent sees the true pictures, but the time it is shown never changes. The true time runs out
@@ -207,7 +207,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # The price of pictures is size: 4805 numbers instead of about twenty. A network with a separate
 # adjustable number, a *weight*, for each of them would have to learn the same pattern again for
 # each place in the picture. Therefore the agent's network begins with *convolutions* (notebook 5),
-# which look for the same pattern everywhere.
+# which look for the same pattern in many places.
 #
 # When the *task* changes, it often suffices to add or remove a layer. Here are eight other tasks.
 # For each, what would you change in the state, the reward and the network's input? Then open the
@@ -244,12 +244,12 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # stays as a layer. If the devices fill at different rates that the agent cannot see, the task
 # becomes a POMDP. Show the rates in a layer of their own; otherwise the agent has to guess them.
 #
-# *Two UAVs:* the state holds the position and the remaining time of each UAV. Each UAV's network
-# gets one more layer, with the other UAV's remaining time in that UAV's cell. Either the two share
-# one reward, or they compete. The safety controller stops two UAVs from entering the same cell.
-# Each UAV is part of the other's world. As one of them learns to fly differently, the other's world
-# changes, so the steps that the other has stored (notebook 6) come from a world that no longer
-# exists ([a map of the field](../docs/tutorials/map_of_the_field.md)).
+# *Two UAVs:* the state holds each UAV's position and remaining time, 0 once landed. Each UAV's
+# network gets one more layer, with the other UAV's remaining time in that UAV's cell. Either the
+# two share one reward, or they compete. The safety controller stops two UAVs from entering the same
+# cell. Each UAV is part of the other's world. As one of them learns to fly differently, the other's
+# world changes, so the steps that the other has stored (notebook 6) come from a world that no
+# longer exists ([a map of the field](../docs/tutorials/map_of_the_field.md)).
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
 # turn back. The UAV still has to choose its route, and it lands when no data is left that is worth
