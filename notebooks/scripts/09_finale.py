@@ -203,7 +203,7 @@ for name, values in ladder.items():
 # library and *imitation agent* in the README; its teacher is the genie with a narrower search. On
 # [the ladder](../docs/results/ladder.md), over 3000 missions, guarded agents that learned from
 # reward alone are level with the rule; those that were also told what can be computed lead by 0.4
-# units of return, a copy by 1.1, and agents with all four gifts by 1.4. Here `manhattan` flies
+# units of return, a copy by 1.2, and agents with all four gifts by 1.4. Here `manhattan` flies
 # beside greedy and the DDQN agent, all with the failsafe, over the devices of 0.3 and with 40 units
 # of time:
 
