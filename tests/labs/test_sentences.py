@@ -405,7 +405,7 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
         "step": 1,
         "gap": 1,
         "stake": True,
-        "smaller": {"step": 2, "gap": pytest.approx(0.1)},
+        "smaller": {"step": 2, "gap": pytest.approx(0.1), "empty": True},
     }
     said = f"([flight, what]) => think_js.choices(flight, {WHERE}, true).map((each) => each[what])"
     calls = flight | {"values": [[5, 1], [5, 4.9], [5, 4.9]], "states": [0, 0, 0]}

@@ -5,7 +5,7 @@ import { ACTIONS, LAND, REWARDS, sum } from "./world.js";
 const AHEAD = 2; // of the return: a clear win
 const LEVEL = 0.5;
 const LITTLE = 0.1; // data units: nothing to speak of
-const NONE = 0.05; // data units: all is collected
+export const NONE = 0.05; // data units: all is collected
 const ENOUGH = 0.5; // worth a word
 const MUCH = 2; // a reason
 /** What `isDuel` calls a win and level, as a fact; `sooner` counts the steps that make a win of the same data. */
@@ -107,7 +107,8 @@ export function reasons(who, flights, part, { size, timeToLand }) {
   const [spent, others] = [behind, 1 - behind].map((k) => spentBy(flights[k]));
   const homeward = lasts(who, flights, timeToLand);
   const stray = astray(flights[behind]);
-  if (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG) {
+  const worse = spent.idle > others.idle; // else the count speaks for who is behind
+  if (worse && (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG)) {
     if (!homeward || stray.stretches.length) facts.push({ kind: "spends", ...about, spent, others, ...stray, since: nothingSince(flights[behind]) });
   } else {
     const idlers = flights.map((flight, k) => ({ who: who[k], ...astray(flight) })).filter(({ hovers, turns }) => hovers + turns >= 2 * LONG);

@@ -1,6 +1,5 @@
 // What hands do on the stage: pointers, keys, files that are dropped.
 
-import { SQUARE } from "../player.js";
 import { ARROWS, TOOLS, WAYS, brush } from "./tools.js";
 
 const REACH = 20; // px from its middle within which a finger takes a device
@@ -123,13 +122,10 @@ export function attend(stage) {
     }
   }
 
-  /** Draws a cell as painted until the stroke is over. */
   function stroke(cell) {
     if (brush.cells.some((each) => String(each) === String(cell))) return;
     brush.cells.push(cell);
-    const fresh = find(".fresh");
-    fresh.setAttribute("class", `fresh kind-${brush.sign === "." ? "free" : brush.sign}`);
-    fresh.setAttribute("d", brush.cells.map(([row, col]) => `M${col - 0.5} ${row - 0.5}${SQUARE}`).join(""));
+    stage.fresh();
   }
 
   /** Where curves are pressed beside their points, the nearest one is meant. */

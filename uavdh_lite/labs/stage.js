@@ -59,7 +59,7 @@ const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-to
  */
 export function draw(el, model) {
   const find = (selector) => el.querySelector(selector);
-  let [scene, past, version, drawnTool, update] = [null, null, null, null, () => []];
+  let [scene, past, version, drawnTool, drawnMission, update] = [null, null, null, null, null, () => []];
   let [asked, waiting, settle] = [0, [], () => {}]; // how much was asked, what is not answered yet, what is called when all is
   const next = new Map(); // what is asked when it has come, the last of each kind
   let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of what is to be kept
@@ -119,6 +119,13 @@ export function draw(el, model) {
       find(".cursor").setAttribute("d", stage.hovered ? `M${col - 0.5} ${row - 0.5}${SQUARE}` : "");
       TOOLS[scene.state.tool].point?.(stage, scene, stage.hovered);
     },
+    /** Draws cells as painted until the session has answered. */
+    fresh() {
+      const strokes = [...waiting.filter(({ kind }) => kind === "paint"), ...(brush.cells ? [brush] : [])];
+      const drawn = ({ cells, sign }) =>
+        `<path class="kind-${sign === "." ? "free" : sign}" d="${cells.map(([row, col]) => `M${col - 0.5} ${row - 0.5}${SQUARE}`).join("")}"/>`;
+      stage.fill(".fresh", strokes.map(drawn).join(""));
+    },
     endStory,
     goOn() {
       const { time, last } = clock.now;
@@ -158,6 +165,7 @@ export function draw(el, model) {
     told = { ...told, number: (asked += 1) };
     if (!LONG.includes(told.kind)) {
       waiting.push(told);
+      if (told.kind === "paint") stage.fresh();
       clearTimeout(slow);
       slow = setTimeout(() => busy(told.kind === "values" ? "Working out the value of each cell …" : "Flying …"), SLOW);
     }
@@ -195,7 +203,8 @@ export function draw(el, model) {
     if (changed) drawMaps(film, state.tool);
     const warnings = scene.warnings.map((text) => `<p class="warning">${escaped(text)}</p>`).join("");
     const place = scene.place ? `<p class="place"><small>${escaped(scene.place)}</small></p>` : "";
-    if (drawnTool !== state.tool) find("#panel").scrollTop = find(".inside").scrollTop = 0;
+    const other = drawnTool !== state.tool || (changed && state.tool === "compare"); // its verdict comes first
+    if (other) find("#panel").scrollTop = find(".inside").scrollTop = 0;
     stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${place}${legend(film)}`);
     el.querySelectorAll(".map svg").forEach((map, k) => {
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
@@ -205,16 +214,18 @@ export function draw(el, model) {
     find(".undo").disabled = !state.undo;
     find(".redo").disabled = !state.redo;
     paintDrawer();
+    const mission = JSON.stringify(scene.stage.mission);
     const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
     const flown = film.flights[0].path.length - 1;
     const last = fly && !scene.panel.you.ended ? flown : lastStep(film); // the ghost flies on to its end
     if (changed) {
-      const flies = fly && drawnTool === "fly" && flown > clock.now.last;
+      const flies = fly && drawnTool === "fly" && flown > clock.now.last && mission === drawnMission;
       clock.load(last, flies ? flown - 1 : fly || state.step < 0 ? last : state.step, flies);
     } else clock.show(clock.now.time, clock.now.playing);
-    [version, drawnTool] = [scene.version, state.tool];
+    [version, drawnTool, drawnMission] = [scene.version, state.tool, mission];
     if (stage.hovered && !film.city[stage.hovered[0]]?.[stage.hovered[1]]) stage.hovered = null;
     stage.point();
+    stage.fresh();
     giveBack();
   }
 

@@ -13,7 +13,7 @@ export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
 export const LETTERS = "neswhl"; // of the actions, in their order
 export const YOU = "you";
 export const LAYERS = ["none", "landing zone", "no-fly zone", "buildings", "data left", "data collected", "value"];
-export const METRICS = ["landed", "collected_and_landed"]; // of the curves in Watch
+export const METRICS = ["collected_and_landed", "landed"]; // of the curves in Watch
 
 /** Ways to look, and what each may be: `fits(value, shelf)`. */
 export const LOOKS = {
@@ -24,7 +24,7 @@ export const LOOKS = {
     Array.isArray(value) && value.length >= Math.min(races.length, 1) &&
     value.every((k, at) => Number.isInteger(k) && races[k] && at < 2 && value.indexOf(k) === at), // none races itself
 };
-const usualLooks = ({ races }) => ({ layer: "none", centred: false, metric: "landed", runs: races.slice(0, 2).map((_, k) => k) });
+const usualLooks = ({ races }) => ({ layer: "none", centred: false, metric: METRICS[0], runs: races.slice(0, 2).map((_, k) => k) });
 
 /**
  * @typedef {object} Stage
@@ -186,7 +186,7 @@ export async function textOfLink(link) {
 export async function cityOfPicture(file, name) {
   const exact = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const picture = await createImageBitmap(file, exact).catch(() => null);
-  require(picture, "this is not a readable PNG, or it is damaged");
+  require(picture, "this is not a readable PNG, or it is damaged: open one that Save as PNG made in Paint");
   const { width, height } = picture;
   require(Math.max(width, height) <= MAX_SIZE, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
   const canvas = new OffscreenCanvas(width, height).getContext("2d");

@@ -1,6 +1,6 @@
 // What an agent expects at each step of its flight, and why it acts so: the facts of the tool Think.
 
-import { emptied } from "./compare.js";
+import { NONE, emptied } from "./compare.js";
 import { ACTIONS, HOVER, LAND, sum } from "./world.js";
 
 const CLOSE = 0.5; // a gap between Q-values below which a decision is called close
@@ -24,7 +24,7 @@ export function closestCall({ values, dataLeft }) {
   const serious = all.filter(({ gap, stake }) => stake && Number.isFinite(gap));
   const [closest, smallest] = [serious.length ? serious : all, all].map((some) => some.reduce((one, other) => (other.gap < one.gap ? other : one)));
   const { step, gap } = closest;
-  return { step, gap, stake: serious.length > 0, smaller: smallest === closest ? null : { step: smallest.step, gap: smallest.gap } };
+  return { step, gap, stake: serious.length > 0, smaller: smallest === closest ? null : { step: smallest.step, gap: smallest.gap, empty: sum(dataLeft[smallest.step]) < NONE } };
 }
 
 /**

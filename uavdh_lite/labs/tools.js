@@ -192,11 +192,11 @@ export const TOOLS = {
         ${choosePolicies(scene, "left", "right")}</div>
         <table>${flown}${average(scene)}</table><div class="row">${manyButton(scene)}</div>`;
     },
-    over({ film, panel }, k) {
+    over({ film, panel }, k) { // larger than any ring of hovering
       if (panel.parting === null) return "";
       const { path } = film.flights[k];
       const [row, col] = path[Math.min(panel.parting, path.length - 1)];
-      return `<circle class="parting" cx="${col}" cy="${row}" r=".75"/>`;
+      return `<circle class="parting" cx="${col}" cy="${row}" r="${scaleOf(film.city.length)}"/>`;
     },
   },
 
@@ -209,7 +209,7 @@ export const TOOLS = {
       }
       const { step, gap, stake, smaller } = panel.closest;
       const instead = panel.instead && `${upper(panel.instead.subject)} ${panel.instead.you ? "have" : "has"} no ${panel.number}s: here the ${panel.agent} thinks and flies.`;
-      const later = smaller ? `; at step ${smaller.step + 1} it is ${gapOf(smaller.gap)}, but hardly anything is left then` : "";
+      const later = smaller ? `; at step ${smaller.step + 1} it is ${gapOf(smaller.gap)}, but ${smaller.empty ? "nothing" : "hardly anything"} is left then` : "";
       const idle = stake ? `, the smallest while there was still a unit of data or more to collect${later}.` : ". Hardly anything was left to collect, so little depends on it.";
       return `<div role="status"><h2 class="says-why"></h2></div>${instead ? `<p><b>${explained(instead)}</b></p>` : ""}
         <h3>${term(panel.number, `${panel.number}s`)}: the longer the bar, the better (best: <span class="most"></span>)</h3><div class="q"></div>
@@ -339,7 +339,7 @@ export const TOOLS = {
         <table>${average(scene)}</table>
         ${choosePolicies(scene, "first", "second")}`;
     },
-    over: () => '<path class="shadow live"/><path class="fresh"/>',
+    over: () => '<path class="shadow live"/><g class="fresh"></g>',
     point(stage, { panel }, cell) {
       if (brush.cells) return;
       if (!cell) return stage.find(".live")?.setAttribute("d", "");
