@@ -379,6 +379,11 @@ def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
     press(page, "Compare with greedy")
     expect(page.locator(".flight .name")).to_have_text(["you", "greedy"])
     open_tool(page, "Fly")
+    press(page, "New")
+    expect(page.locator(".controls output")).to_have_text("0 of 0")
+    press(page, "undo")
+    page.locator(".card").wait_for()
+    assert page.locator(".play").inner_text() == "Play"  # no move was made that would be shown
     for name in ("policy-1", "city"):  # a list keeps the keys that choose in it
         page.locator(f"[data-set='{name}']").focus()
         for key in ("ArrowUp", "ArrowDown", "ArrowUp"):

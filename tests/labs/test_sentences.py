@@ -88,6 +88,9 @@ def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time(
          "2.7 units in step 7; two collects less than 0.1 units."),
         (flown(0, 1, 2, 3, left=[9, 9, 7.1, 7.1]), flown(0, 10, 20, 30, left=[9, 9, 6.9, 6.9]),
          "At step 1, one flies east, while two flies south."),  # both get it
+        (flown(0, 1, 2, 3, 4, 5, left=[9, 8, 7, 6, 5, 4], reward=[-1] * 5),
+         flown(0, 10, left=[9, 1]),
+         "while two flies south. In the end one leaves 3.0 units more"),  # it brings much, too
         (flown(0, 1, 2), flown(0, 1, 2), "Both fly the same way."),
         (flown(0, 1, 11), flown(0, 10, 11),
          "They first act differently at step 1, but end at the same time in the same cell, with"),
