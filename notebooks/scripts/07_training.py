@@ -1,11 +1,11 @@
 # %% [markdown]
 # # 7 · Training
 #
-# Two agents fly the same mission below. Both were trained with the **recipe** `lite`. (A recipe is
-# the set of all constants and choices that define a training run.) The agent on the left comes from
-# a run planned for two million steps and stopped after 300,000; the one on the right is the best
-# agent of a run of nearly four million steps. **What happens in all these steps, and how can you
-# tell whether training is going well?**
+# Two agents fly the same mission below. Both were trained with the **recipe** `lite`, but for the
+# number of steps. (A recipe sets all constants and choices of a run.) The agent on the left comes
+# from a run planned for two million steps and stopped after 300,000; the one on the right is the
+# best agent of a run of nearly four million steps. **What happens in all these steps, and how can
+# you tell whether training is going well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -128,8 +128,8 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, trainer.validation_rows, "the village")
 
 # %% [markdown]
-# Some untrained agents (step 0) bring nothing home. Others wait near the start and then land, which
-# in so small a village brings in up to half of the data. Look, therefore, not at where a curve
+# Most untrained agents (step 0) bring nothing home. This one waits near the start and then lands,
+# which in so small a village brings in nearly half the data. Look, therefore, not at where a curve
 # starts but at how far it rises, above all the curve of **collected and landed**. To watch networks
 # learn in this village, open the lab *Watch* (`python -m uavdh_lite app`).
 
