@@ -459,6 +459,9 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
     expect(page.locator(".sentence")).to_contain_text("Row 5, column 6")
     page.locator(".ledger .term").first.focus()
     expect(page.locator(".sentence")).to_contain_text("Row 5, column 6")  # the last one stays
+    shown = page.locator(".ledger td").all_inner_texts()
+    begin, loss, walls, snr = (float(each.split()[0].replace("−", "-")) for each in shown[:4])
+    assert round(begin + loss + walls, 1) == snr  # as they are shown
     expect(page.locator(".ledger .term:focus")).to_have_count(1)
     page.locator(".map svg").focus()
     for key, held, there in (("Enter", 1, 6), ("ArrowLeft", 1, 6), ("Escape", 0, 5)):

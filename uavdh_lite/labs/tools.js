@@ -5,6 +5,7 @@ import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, scaleOf, tiles } from
 import { LAYERS, METRICS } from "./state.js";
 import { RUNS, gapOf, grouped, signed, timeUnits, units, upper } from "./words.js";
 
+const tenths = (value) => Number(value.toFixed(1));
 const WORDS = {
   UAV: "the drone: it flies 10 m above the ground, one cell of 10 m in a step",
   shadow: "cells that a building hides from a device: the radio link is much weaker there",
@@ -311,7 +312,7 @@ export const TOOLS = {
         [term("SNR at 1 m"), signed(panel.transmit)],
         [`${term("path loss")} over ${panel.distance[number].toFixed(0)} m`, `−${signed(panel.pathLoss[number])}`],
         [term("hidden by buildings"), hidden ? `−${signed(cost)}` : "0.0"],
-        [term("SNR"), signed(panel.snr[number])],
+        [term("SNR"), signed(tenths(panel.transmit) - tenths(panel.pathLoss[number]) - tenths(cost))], // adds up as it is shown
         [term("fading"), `± ${panel.fading[Number(!hidden)].toFixed(1)}`],
       ];
       if (panel.traced) {
