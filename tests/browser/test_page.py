@@ -751,6 +751,7 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
         assert opened_by_link(shown_step(page)) == "Watch"
         page.reload()
         expect(page.locator(".orange .dot.on title")).to_have_text(shown)
+        page.wait_for_timeout(600)  # until the browser's history has it
         there = page.url
         press(page, "New")
         expect(page.locator(".dot.on")).to_have_count(0)
