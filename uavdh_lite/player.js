@@ -227,6 +227,7 @@ function aboutShadow({ devices }, shadowed) {
 
 const share = (amount) => Math.min(amount / MUCH, 1);
 export const escaped = (text) => text.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt()};`);
+export const square = ([row, col]) => `M${col - 0.5} ${row - 0.5}${SQUARE}`;
 export const at = ([row, col]) => `translate(${col} ${row})`;
 const coloured = (colour) => `style="--colour: ${colour}"`;
 

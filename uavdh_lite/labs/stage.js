@@ -1,7 +1,7 @@
 // The stage: one page with the map, the controls and the panel of a tool. `paint` draws what the
 // session sent, the scene; whatever is done is told to the session, which answers with the next scene.
 
-import { CONTROLS, SQUARE, escaped, flightPanels, lastStep, legend, playback, showing } from "../player.js";
+import { CONTROLS, escaped, flightPanels, lastStep, legend, playback, showing, square } from "../player.js";
 import { attend } from "./hands.js";
 import { linkOf } from "./state.js";
 import { TOOLS, brush, button, options } from "./tools.js";
@@ -115,15 +115,14 @@ export function draw(el, model) {
     },
     paint,
     point() {
-      const [row, col] = stage.hovered ?? [];
-      find(".cursor").setAttribute("d", stage.hovered ? `M${col - 0.5} ${row - 0.5}${SQUARE}` : "");
+      find(".cursor").setAttribute("d", stage.hovered ? square(stage.hovered) : "");
       TOOLS[scene.state.tool].point?.(stage, scene, stage.hovered);
     },
     /** Draws cells as painted until the session has answered. */
     fresh() {
       const strokes = [...waiting.filter(({ kind }) => kind === "paint"), ...(brush.cells ? [brush] : [])];
       const drawn = ({ cells, sign }) =>
-        `<path class="kind-${sign === "." ? "free" : sign}" d="${cells.map(([row, col]) => `M${col - 0.5} ${row - 0.5}${SQUARE}`).join("")}"/>`;
+        `<path class="kind-${sign === "." ? "free" : sign}" d="${cells.map(square).join("")}"/>`;
       stage.fill(".fresh", strokes.map(drawn).join(""));
     },
     endStory,

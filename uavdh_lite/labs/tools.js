@@ -1,7 +1,7 @@
 // The six tools. Each has what its panel says, as HTML, and what it adds to the map and to the panel at
 // a moment. `scene` is what the session sent, `stage` is where it is shown.
 
-import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, scaleOf, tiles } from "../player.js";
+import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, scaleOf, square, tiles } from "../player.js";
 import { LAYERS, METRICS } from "./state.js";
 import { RUNS, gapOf, grouped, signed, timeUnits, units, upper } from "./words.js";
 
@@ -72,7 +72,7 @@ const ramp = (low, high, about) =>
 const heat = (values, size, colour, opacity = 0.85) =>
   `<g fill-opacity="${opacity}" shape-rendering="crispEdges">${values
     .map((each, cell) =>
-      each === null ? "" : `<path d="M${(cell % size) - 0.5} ${Math.floor(cell / size) - 0.5}${SQUARE}" fill="${colour(each)}"/>`)
+      each === null ? "" : `<path d="${square([Math.floor(cell / size), cell % size])}" fill="${colour(each)}"/>`)
     .join("")}</g>`;
 
 /** The outline of the cells, by number, for which something holds. */
@@ -288,7 +288,7 @@ export const TOOLS = {
     under: ({ film, panel: { snr, range: [low, high] } }) =>
       heat(snr, film.city.length, (value) => colourOf((value - low) / (high - low)), 0.9),
     over: ({ film, panel, state: { held } }) => `${outline(panel.building, film.city.length, (each) => each > 1e-6)}<path class="ray"/>
-      ${held ? `<path class="held" d="M${held[1] - 0.5} ${held[0] - 0.5}${SQUARE}"/>` : ""}`,
+      ${held ? `<path class="held" d="${square(held)}"/>` : ""}`,
     point(stage, { panel, state, film }, pointed) {
       const cell = state.held ?? pointed;
       if (cell || this.city !== String(film.city)) [this.cell, this.city] = [cell, String(film.city)]; // the last one stays
@@ -409,9 +409,9 @@ function seenLayer({ city, devices, flights }, name, step) {
   if (signs) return layer;
   const [now, first] = [flights[0].left[step], flights[0].left[0]];
   const most = Math.max(...first.slice(0, -1));
-  const full = devices.map(({ cell: [row, col] }, k) => {
+  const full = devices.map(({ cell }, k) => {
     const amount = name === "data left" ? now[k] : first[k] - now[k];
-    return `<path d="M${col - 0.5} ${row - 0.5}${SQUARE}" fill="#0072b2" fill-opacity="${amount / most}"/>`;
+    return `<path d="${square(cell)}" fill="#0072b2" fill-opacity="${amount / most}"/>`;
   });
   return layer + full.join("");
 }
