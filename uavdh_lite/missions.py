@@ -18,7 +18,7 @@ from uavdh_lite.environment import REPORTED, Environment, Outcome, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Policy, Step, fly
 from uavdh_lite.scenario import LEAST_DATA, LIMIT, MAX_DEVICES, Scenario
-from uavdh_lite.storage import write_json
+from uavdh_lite.storage import read_json, write_json
 from uavdh_lite.streams import Portable, Use
 
 FORMAT, VERSION = "uavdh_lite mission", 1
@@ -222,14 +222,9 @@ def as_json(mission: Mission) -> dict:
 def load_mission(path: str | Path) -> Mission:
     """Read a mission; `InputError` names the file and what is wrong in it."""
     path = Path(path)
-    try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"{path}: {path.stat().st_size} bytes: no mission is that large")
-        values = json.loads(path.read_bytes())  # in UTF-8 or UTF-16, with a BOM or without
-    except InputError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not a JSON file: {error}") from None
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path}: {path.stat().st_size} bytes: no mission is that large")
+    values = read_json(path)
     try:
         return mission_from_json(values)
     except InputError as error:

@@ -117,7 +117,7 @@ def _bytes(text: str) -> bytes:
 
 
 def read_json(path: str | Path) -> dict:
-    """The object in a JSON file; raises `InputError` if the file holds none."""
+    """The object in a JSON file, in UTF-8 or UTF-16, with a BOM or without; else `InputError`."""
     try:
         values = json.loads(Path(path).read_bytes())
     except (ValueError, RecursionError) as error:

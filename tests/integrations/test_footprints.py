@@ -155,9 +155,9 @@ def test_the_landing_zone_is_free_and_near_the_point_and_not_in_a_courtyard(made
 @pytest.mark.parametrize(
     ("content", "named"),
     [
-        ("", "not a JSON file"),
-        ("[" * 100_000, "not a JSON file"),
-        ("[1, 2]", "no list of features"),
+        ("", "not JSON"),
+        ("[" * 100_000, "not JSON"),
+        ("[1, 2]", "no JSON object"),
         ('{"type": "FeatureCollection", "features": {}}', "no list of features"),
         ({"elements": [{"type": "way"}]}, "export it as GeoJSON"),  # Overpass' own JSON
         ([], "0 features and no polygon"),

@@ -3,7 +3,6 @@
 Needs the extra `footprints`. The data of OpenStreetMap is under the Open Database License.
 """
 
-import json
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from uavdh_lite.beyond.cities import FREE, LANDING, LOW, TALL
 from uavdh_lite.city import MAX_SIZE, City, connected_parts
 from uavdh_lite.config import option, require
 from uavdh_lite.errors import CityError, InputError, extra
+from uavdh_lite.storage import read_json
 
 EARTH_RADIUS_M = 6_371_009.0  # of a sphere with the Earth's mean radius
 LARGEST = 100_000_000  # bytes; the buildings of a large town
@@ -83,14 +83,15 @@ def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter[
     corners = np.concatenate([shapely.get_coordinates(shape) for shape, _ in buildings])
     _require_degrees(path, corners, raster)
     half = raster.cells * raster.cell_size_m / 2
-    if (
-        raster.landing is not None
-        and (abs(raster.metres(np.array(raster.landing[::-1]))) > half).any()
-    ):
-        raise InputError(
-            f"footprints: landing {raster.landing} is outside the city: it has {half:g} m "
-            f"on each side of the centre {raster.centre}"
-        )
+    near = None
+    if raster.landing is not None:
+        right, up = raster.metres(np.array(raster.landing[::-1]))
+        if max(abs(right), abs(up)) > half:
+            raise InputError(
+                f"footprints: landing {raster.landing} is outside the city: it has {half:g} m "
+                f"on each side of the centre {raster.centre}"
+            )
+        near = ((half - up) / raster.cell_size_m - 0.5, (half + right) / raster.cell_size_m - 0.5)
     edges = np.linspace(-half, half, raster.cells + 1)
     west, north = np.meshgrid(edges[:-1], edges[:0:-1])
     squares = shapely.box(west, north - raster.cell_size_m, west + raster.cell_size_m, north)
@@ -114,10 +115,6 @@ def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter[
         / raster.cell_size_m**2
         for shapes in (tall, tall + low)
     )
-    near = None
-    if raster.landing is not None:
-        right, up = raster.metres(np.array(raster.landing[::-1]))
-        near = ((half - up) / raster.cell_size_m - 0.5, (half + right) / raster.cell_size_m - 0.5)
     return city_of_shares(path.stem, tall_share, built_share, raster.landing_cells, near), sources
 
 
@@ -156,11 +153,8 @@ def _buildings(path: Path) -> list[tuple[Any, dict]]:
 
     if path.stat().st_size > LARGEST:
         raise InputError(f"{path}: {path.stat().st_size} bytes: export a smaller area")
-    try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not a JSON file: {error}") from None
-    if not isinstance(content, dict) or not isinstance(content.get("features"), list):
+    content = read_json(path)
+    if not isinstance(content.get("features"), list):
         raise InputError(f"{path}: no list of features: export it as GeoJSON")
     polygons = []
     for number, feature in enumerate(content["features"]):
