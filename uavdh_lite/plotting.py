@@ -38,20 +38,15 @@ DEVICE_COLOURS = (
     *("#664400", "#664466", "#0000EE", "#335544"),
 )
 Style = dict[str, Any]  # a patch's keyword arguments
-NO_FLY_STYLE: Style = {"facecolor": "none", "edgecolor": RED, "hatch": "////", "linewidth": 0}
-LOW_STYLE: Style = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "linewidth": 0}
-LANDING_STYLE: Style = {
-    "facecolor": "#9DC3E6",
-    "edgecolor": "#1F4E79",
-    "hatch": r"\\\\",
-    "linewidth": 0,
-}
-TALL_STYLE: Style = {"facecolor": "#4D4D4D", "linewidth": 0}
-CELL_STYLES = {  # in the order of `City.kinds`; the first kind of cell is free
-    "no-fly zone": NO_FLY_STYLE,
-    "low building: may be flown over": LOW_STYLE,
-    "start and landing zone": LANDING_STYLE,
-    "tall building": TALL_STYLE,
+CELL_STYLES: dict[str, Style] = {  # in the order of `City.kinds`; the first kind of cell is free
+    "no-fly zone": {"facecolor": "none", "edgecolor": RED, "hatch": "////"},
+    "low building: may be flown over": {
+        "facecolor": "#D9C9A3",
+        "edgecolor": "#6B5B35",
+        "hatch": "..",
+    },
+    "start and landing zone": {"facecolor": "#9DC3E6", "edgecolor": "#1F4E79", "hatch": r"\\\\"},
+    "tall building": {"facecolor": "#4D4D4D"},
 }
 SHADOW, DEEPEST = "#AFA3D1", 5  # the ground from which this many devices are hidden, or more
 THIN, THICK = 0.05, 0.17  # width of an arrow, cells: for a step without data, and with much
@@ -77,11 +72,12 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
             function `shadow_sum`; the more, the deeper the violet.
     """
     if shadow_sum is not None:
-        ax.imshow(shadow_colours(shadow_sum), interpolation="nearest", zorder=0)
+        depth = np.minimum(shadow_sum / DEEPEST, 1)[..., None]
+        ax.imshow(1 - depth * (1 - np.array(to_rgb(SHADOW))), interpolation="nearest", zorder=0)
     for kind, style in enumerate(CELL_STYLES.values(), start=1):
         cells = np.argwhere(city.kinds == kind)
         squares = [Rectangle((col - 0.5, row - 0.5), 1, 1) for row, col in cells]
-        ax.add_collection(PatchCollection(squares, zorder=1, **style))
+        ax.add_collection(PatchCollection(squares, zorder=1, linewidth=0, **style))
     size = city.own_size
     ticks = np.arange(0, size, max(1, round(size / 8)))
     ax.set(xlim=(-0.5, size - 0.5), ylim=(size - 0.5, -0.5), aspect="equal")
@@ -92,12 +88,6 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
         ax.grid(which="minor", color="#DDDDDD", linewidth=0.4, zorder=0.5)
     ax.tick_params(which="both", length=0, labelsize="small")
     return ax
-
-
-def shadow_colours(hidden: np.ndarray) -> np.ndarray:
-    """Colours from white to `SHADOW` for numbers of hidden devices; (..., 3)."""
-    depth = np.minimum(hidden / DEEPEST, 1)[..., None]
-    return 1 - depth * (1 - np.array(to_rgb(SHADOW)))
 
 
 def shadow_sum(environment: Environment, device_cells: np.ndarray, city: int = 0) -> np.ndarray:
@@ -144,12 +134,12 @@ def draw_rates(
     """
     city = environment.cities[0]
     rates = environment.rate_map(device[0] * environment.size + device[1])
-    scale: dict[str, Any] = {"norm": "log", "zorder": 1.5}
-    picture_ax = draw_city(ax, city)
+    scale, colours = LogNorm(), None
     if limits:
         rates = np.maximum(rates, limits[0] / 2)
-        scale["norm"], scale["cmap"] = LogNorm(*limits), WHITE_BELOW
-    picture = picture_ax.imshow(np.where(city.no_fly, np.nan, rates), **scale)
+        scale, colours = LogNorm(*limits), WHITE_BELOW
+    shown = np.where(city.no_fly, np.nan, rates)
+    picture = draw_city(ax, city).imshow(shown, colours, scale, zorder=1.5)
     ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
     if not limits:
         ax.figure.colorbar(picture, label="data units per slot, logarithmic scale")
@@ -272,7 +262,9 @@ def add_legend(figure: Figure, devices: int) -> None:
         (move, "$→$", {"mfc": "black", "ms": 12}),
         ("hovering", "o", {"mfc": "none", "mew": 1.4, "ms": 8}),
     ]
-    handles: list[Artist] = [Patch(label=label, **style) for label, style in ground.items()]
+    handles: list[Artist] = [
+        Patch(label=label, linewidth=0, **style) for label, style in ground.items()
+    ]
     handles += [
         Line2D([], [], linestyle="none", marker=marker, label=label, **{"color": "black", **style})
         for label, marker, style in signs

@@ -71,7 +71,9 @@ def test_the_shadow_counts_devices_out_of_sight_and_is_never_as_dark_as_building
     plotting.draw_city(ax, DRAWN, shadow_sum=np.arange(9).reshape(3, 3))
     colours = np.asarray(ax.images[0].get_array())
     assert (colours[0, 0] == 1).all() and (colours[0, 1] > colours[0, 2]).all()
-    assert colours.min() > 0.6 > max(to_rgba(plotting.TALL_STYLE["facecolor"])[:3])
+    assert (
+        colours.min() > 0.6 > max(to_rgba(plotting.CELL_STYLES["tall building"]["facecolor"])[:3])
+    )
 
 
 def test_a_flight_has_an_arrow_for_each_move_in_the_served_devices_colour(ax, corridor):
