@@ -1,6 +1,7 @@
 """What is said of flights is what the flights did: facts, and the sentences made of them."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -37,6 +38,7 @@ def flown(*cells, left=None, **more):
         "timeLeft": list(range(20, 20 - len(cells), -1)),
         "reward": [-0.2] * len(steps),
         "landed": True,
+        "states": [{"deviceCells": [99]}],
         **more,
     }
 
@@ -84,29 +86,38 @@ def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time(
         (flown(0, 0, 0, 0, 0, 0, 0, 0, left=[9, 8.95, 8.9, 8.85, 8.8, 8.75, 8.7, 6], timeLeft=[0]),
          flown(0, 10, 10, 10, 10, 10, 10, 10, left=[9] * 8, timeLeft=[0]),
          "One spends steps 1–6 hovering; two spends steps 2–7 hovering; none of these steps brings "
-         "0.1 units. In the end two leaves 3.0 units more at device 0. At device 0, one collects "
-         "2.7 units in step 7; two collects less than 0.1 units."),
+         "0.1 units. In the end two leaves 3.0 units more at device 0, with all its time used. At "
+         "device 0, one collects 2.7 units in step 7; two collects less than 0.1 units."),
         (flown(0, 1, 2, 3, left=[9, 9, 7.1, 7.1]), flown(0, 10, 20, 30, left=[9, 9, 6.9, 6.9]),
-         "At step 1, one flies east, while two flies south."),  # both get it
+         "From step 1 on they fly different ways, but get about as much from each device."),
         (flown(0, 1, 2, 3, 4, 5, left=[9, 8, 7, 6, 5, 4], reward=[-1] * 5),
          flown(0, 10, left=[9, 1]),
-         "while two flies south. In the end one leaves 3.0 units more"),  # it brings much, too
+         "In the end one leaves 3.0 units more at device 0. At device 0, two"),
+        (flown(0, 1, 2, 3, 2, 1, 0, left=[9, 8, 7, 6, 6, 6, 6], timeLeft=[6, 5, 4, 3, 2, 1, 1]),
+         flown(0, 10, 20, 30, 30, 20, 10, 0, left=[9, 8, 7, 6, 4, 3, 3, 3], timeLeft=[0] * 8),
+         "In the end one leaves 3.0 units more at device 0, with 1 unit of time unused: one turns "
+         "home at step 4, two at step 5. At device 0"),
+        (flown(0, *[1] * 9, left=[9, *(8.5 - 0.25 * k for k in range(9))], reward=[-1] * 9),
+         flown(0, 10, 20, 21, 21, left=[9, 8, 7, 5.5, 5.5]),
+         "One hovers from step 2 to 9, for 0.3 units a step; two flies nearer to the devices and "
+         "gets 1.2 on average in each step that brings data."),
         (flown(0, 1, 2), flown(0, 1, 2), "Both fly the same way."),
         (flown(0, 1, 11), flown(0, 10, 11),
          "They first act differently at step 1, but end at the same time in the same cell, with"),
         (flown(0, 1, 2, 3, left=[9, 5, 2, 2]), flown(0, 10, 10, left=[9, 2, 2]),
-         "One collects 0.1 units or more for the last time in step 2, from device 0, 1 step from "
-         "home; two collects 0.1 units or more for the last time in step 1, from device 0, 1 step "
-         "from home."),
+         "One collects 0.1 units or more for the last time in step 2, from device 0, 3 steps "
+         "from home; two collects 0.1 units or more for the last time in step 1, from device 0, 2 "
+         "steps from home."),
         (flown(0, 1, 2, 3, left=[9, 5, 0, 0]), flown(0, 10, 10, 10, 10, left=[9, 0, 0, 0, 0]),
-         "One has everything after step 2, the last of it from device 0, 1 step from home; two has "
-         "everything after step 1, the last of it from device 0, 1 step from home, and lands 3 "
-         "steps later."),
+         "One has everything after step 2, the last of it from device 0, 3 steps from home; two "
+         "has everything after step 1, the last of it from device 0, 2 steps from home, and lands "
+         "3 steps later."),
     ],
 )  # fmt: skip
 def test_what_is_said_of_a_parting_is_what_both_do(modules, first, second, said):
     script = f"""(both) => {{ {WHO} const part = compare_js.parting(...both, 10);
-        const where = {{ size: 10, timeToLand: Array(100).fill(1) }};
+        const way = (_, cell) => 1 + Math.floor(cell / 10) + (cell % 10);
+        const where = {{ size: 10, meanSnrDb: [], timeToLand: Array.from({{ length: 100 }}, way) }};
         return compare_js.reasons([one, two], both, part, where).map(say); }}"""
     assert said in " ".join(modules(script, [first, second]))
 
@@ -197,9 +208,60 @@ def test_a_duel_is_what_was_asked_for_and_its_reasons_are_what_the_flights_did(t
         check_duel(tell("duel", wanted=wanted), wanted)
 
 
+def check_shadow(environment, flights, devices, ended, says):
+    """What is said of a radio shadow, and of the way home; how often each is said."""
+    names = ["the DDQN agent", "greedy"]
+    shadow = re.search(
+        r"(?:From step (\d+) to|In step) (\d+), (\S.*?) is in the radio shadow of device (\d): "
+        r"buildings leave ([\d.]+) of ([\d.]+) units a slot there\. .* gets ([\d.]+) units from "
+        r"it, \S.*? (hardly anything|[\d.]+ units)\.",
+        says,
+    )
+    if shadow:
+        last, device = int(shadow[2]), int(shadow[4])
+        steps = slice((first := int(shadow[1] or last) - 1), last + 1)
+        late = names.index(shadow[3])
+        hidden, seen = flights[late], flights[1 - late]
+        returns = [sum(flight["reward"]) for flight in (hidden, seen)]
+        assert returns[0] <= returns[1] + 1e-4
+        sight = environment.sight[0, devices[device]]
+        assert not sight[hidden["cells"][steps]].any() and sight[seen["cells"][steps]].all()
+        there = hidden["cells"][steps][1:]
+        free = replace(environment.channel, path_loss_exponent_nlos=2.27)
+        clear = replace(environment, channel=free)
+        for world, rate in ((environment, shadow[5]), (clear, shadow[6])):
+            mean = float(world.rate_map(devices[device]).ravel()[there].mean())
+            assert mean == pytest.approx(float(rate), abs=0.051 if mean > 0.1 else 0.34 * mean)
+        gets = [np.subtract(each["left"][first], each["left"][last]) for each in (hidden, seen)]
+        some = 0 if shadow[8] == "hardly anything" else float(shadow[8].split()[0])
+        assert gets[0][device] == pytest.approx(some, abs=0.051)
+        assert gets[1][device] == pytest.approx(float(shadow[7]), abs=0.051)
+        most = 4 * clear.rate_map(devices[device]).ravel()[there].sum()
+        assert min(most, gets[1][device], hidden["left"][first][device]) - gets[0].sum() > 1.99
+        ends = [each["left"][-1][device] for each in (hidden, seen)]
+        later = hidden["left"][last][device] - ends[0]
+        assert ends[0] - ends[1] > 0.499 or later > 1.99
+    turns = re.search(
+        r", with (\d+) units? [^:]*: (\S.*?) turns home at step (\d+), [^,.]* step (\d+)\.", says
+    )
+    if turns:
+        fewer = names.index(turns[2])
+        for flight, step in zip(
+            (flights[fewer], flights[1 - fewer]), turns.groups()[2:], strict=True
+        ):
+            home = environment.time_to_land[0, flight["cells"]]
+            step = int(step) - 1
+            assert (np.diff(home[step:-1]) < 0).all() and (
+                step == 0 or home[step] >= home[step - 1]
+            )
+        assert int(turns[1]) == ended - len(flights[fewer]["action"]) > 0
+        assert len(flights[1 - fewer]["action"]) > len(flights[fewer]["action"])
+    return shadow is not None, turns is not None
+
+
 def test_who_brings_as_much_sooner_had_all_sooner_or_was_nearer_home(modules, tell):
     tell("city", name="manhattan")
-    script = """(count) => Array.from({ length: count }, (_, seed) => {
+    script = """([count, kinds]) => Array.from({ length: count }, (_, seed) => {
         const mission = state_js.randomMission(lab.stage.mission.city, seed, lab.shelf);
         const names = ["manhattan_ddqn", "greedy"];
         const who = names.map((name) => flights_js.whoIs(name, lab.agents));
@@ -207,15 +269,18 @@ def test_who_brings_as_much_sooner_had_all_sooner_or_was_nearer_home(modules, te
         const flights = names.map((name) => lab.hangar.fly(mission, name));
         const part = compare_js.parting(...flights, environment.size);
         const facts = compare_js.reasons(who, flights, part, environment);
-        const said = facts.filter(({ kind }) => ["lasts", "same"].includes(kind));
-        const flown = ({ uavCell, action, dataLeft, landed }) =>
-            ({ cells: [...uavCell], action: [...action], landed,
+        const said = facts.filter(({ kind }) => kinds.includes(kind));
+        const flown = ({ uavCell, action, dataLeft, landed, reward }) =>
+            ({ cells: [...uavCell], action: [...action], landed, reward: [...reward],
                 left: dataLeft.map((each) => [...each]) });
-        return { flights: flights.map(flown), says: said.map(words_js.sentence).join(" ") };
+        return { flights: flights.map(flown), time: mission.flyingTime,
+            devices: mission.devices.map((each) => mission.city.cell(each)),
+            says: said.map(words_js.sentence).join(" ") };
     })"""
-    environment, counts = Environment(load_city("manhattan")), [0, 0]
-    for found in modules(script, 200):
+    environment, counts, causes = Environment(load_city("manhattan")), [0, 0], np.zeros(2, int)
+    for found in modules(script, [200, ["lasts", "same", "shadow", "leaves"]]):
         flights, says = found["flights"], found["says"]
+        causes += check_shadow(environment, flights, found["devices"], found["time"], says)
         one, two = (sum(flight["left"][-1]) for flight in flights)
         home = all(flight["landed"] for flight in flights)
         sooner = len(flights[0]["action"]) != len(flights[1]["action"])
@@ -247,7 +312,7 @@ def test_who_brings_as_much_sooner_had_all_sooner_or_was_nearer_home(modules, te
             assert first[:step] == second[:step] and first[step] != second[step]
             assert not sooner and flights[0]["cells"][-1] == flights[1]["cells"][-1]
             assert np.abs(np.subtract(*(flight["left"][-1] for flight in flights))).max() < 0.5
-    assert min(counts) > 3  # both were seen
+    assert min(*counts, *causes) > 3  # all were seen
 
 
 def check_level(verdict, names, flights):
@@ -277,7 +342,9 @@ def check_duel(scene, wanted):
     assert panel["verdict"].lower().removeprefix("the ").startswith(winner)
     check_level(panel["verdict"], names, flights)
     part, why = panel["parting"], " ".join(panel["why"])
-    assert panel["why"][0].startswith(f"At step {part + 1}, ") and part in panel["look"]
+    assert part in panel["look"]
+    act = rf"At step {part + 1}, .*( gets | goes home)"  # alone, other acts are no reason
+    assert re.match(act, why) or "At step" not in why
     soon, gifts = [], []
     for flight in flights:
         before = flight["left"][part][:-1]

@@ -1,6 +1,6 @@
 // Two flights of one mission: where they part, who is ahead and why, as facts.
 
-import { ACTIONS, LAND, REWARDS, sum } from "./world.js";
+import { ACTIONS, CHANNEL, LAND, REWARDS, pathLossDb, rate, sum } from "./world.js";
 
 const AHEAD = 2; // of the return: a clear win
 const LEVEL = 0.5;
@@ -84,9 +84,9 @@ function gains(who, results) {
 /**
  * What each does where they part, and what comes of it: facts, each with the step to look at, `look`.
  * @param {number | null} part from `parting`
- * @param {{size: number, timeToLand: Int32Array}} environment
+ * @param {import("./world.js").Environment} environment
  */
-export function reasons(who, flights, part, { size, timeToLand }) {
+export function reasons(who, flights, part, environment) {
   if (flights.some(({ action }) => !action.length)) return [];
   const first = flights[0].action.findIndex((action, k) => action !== flights[1].action[k]);
   if (part === null) return [{ kind: "same", step: first }];
@@ -96,20 +96,25 @@ export function reasons(who, flights, part, { size, timeToLand }) {
     by && !ends[1 - k].by && leftAt(flights[1 - k], by)[device] - leftAt(flights[k], by)[device] < ENOUGH);
   const apart = !both && (ends[0].device !== ends[1].device || ends[0].home !== ends[1].home);
   const acts = flights.map((flight, k) => ({ who: who[k], ...acted(flight, part) }));
-  const facts = [{ kind: "part", step: part, acts, ends: apart ? ends : null, look: part }];
+  const parts = { kind: "part", step: part, acts, ends: apart ? ends : null, look: part };
+  const facts = apart ? [parts] : [];
   if (first >= 0 && first < part) {
-    const far = Array.from({ length: part - first }, (_, k) => cellsApart(...flights.map(({ uavCell }) => uavCell[first + 1 + k]), size));
+    const far = Array.from({ length: part - first }, (_, k) => cellsApart(...flights.map(({ uavCell }) => uavCell[first + 1 + k]), environment.size));
     facts.push({ kind: "first", step: first, part, near: Math.max(...far) <= NEAR, ahead: aheadAt(who, flights, part), look: first });
   }
-  if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts; // one is in the air
+  if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts.length ? facts : [parts]; // one is in the air
   const behind = sum(flights[0].reward) < sum(flights[1].reward) ? 0 : 1;
   const about = { who: who[behind], other: who[1 - behind] };
-  const [spent, others] = [behind, 1 - behind].map((k) => spentBy(flights[k]));
-  const homeward = lasts(who, flights, timeToLand);
-  const stray = astray(flights[behind]);
+  const [late, ahead] = [flights[behind], flights[1 - behind]];
+  const last = lasts(who, flights, environment.timeToLand);
+  const slower = last && last[behind].step > last[1 - behind].step;
+  const causes = [shadowed(late, ahead, slower, environment), waits(late, ahead, environment)].filter(Boolean);
+  facts.push(...causes.map((each) => ({ ...each, ...about })));
+  const [spent, others] = [late, ahead].map(spentBy);
+  const stray = astray(late);
   const worse = spent.idle > others.idle; // else the count speaks for who is behind
   if (worse && (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG)) {
-    if (!homeward || stray.stretches.length) facts.push({ kind: "spends", ...about, spent, others, ...stray, since: nothingSince(flights[behind]) });
+    if (!last || stray.stretches.length) facts.push({ kind: "spends", ...about, spent, others, ...stray, since: nothingSince(late) });
   } else {
     const idlers = flights.map((flight, k) => ({ who: who[k], ...astray(flight) })).filter(({ hovers, turns }) => hovers + turns >= 2 * LONG);
     if (idlers.length) facts.push({ kind: "idles", idlers });
@@ -121,13 +126,68 @@ export function reasons(who, flights, part, { size, timeToLand }) {
     .sort((one, other) => other.more - one.more);
   if (devices[0]?.more >= ENOUGH) {
     const [{ device }] = devices;
-    const spare = flights[fewer].timeLeft.at(-1);
-    const unused = spare >= flights[1 - fewer].timeLeft.at(-1) + LONG ? spare : 0; // else it explains nothing
-    const [loser, winner] = [fewer, 1 - fewer].map((k) => ({ who: who[k], ...got(flights[k], device) }));
-    facts.push({ kind: "leaves", devices, unused, loser, winner, look: winner.first < 0 ? undefined : winner.first });
+    const order = [fewer, 1 - fewer];
+    const [spare, spared] = order.map((k) => flights[k].timeLeft.at(-1));
+    const turns = order.map((k) => turnsHome(flights[k], environment.timeToLand));
+    const later = flights[fewer].landed && turns[0] < turns[1] && spare > spared; // the other has used the time
+    const unused = later || spare >= spared + LONG ? spare : 0; // else it explains nothing
+    const [loser, winner] = order.map((k) => ({ who: who[k], ...got(flights[k], device) }));
+    facts.push({ kind: "leaves", devices, unused, used: flights[fewer].landed && spare === 0, turns: later ? turns : null, loser, winner, look: winner.first < 0 ? undefined : winner.first });
   }
-  if (homeward) facts.push({ kind: "lasts", ends: homeward });
-  return facts;
+  if (last) facts.push({ kind: "lasts", ends: last });
+  return facts.length ? facts : [devices.some(({ more }) => Math.abs(more) >= ENOUGH) ? parts : { kind: "ways", step: part }];
+}
+
+/**
+ * The steps in which one flight stays in a device's radio shadow, while the other sees the device and gets MUCH more from it than
+ * the first gets from all, if buildings are the cause: in sight, it could have got as much more, and it leaves more there or
+ * comes back for it and is `slower`. `rates` are what it hears there and would in sight, in units a slot, as the tool Channel says it;
+ * there is no such fact over a real place, where the shadow is the model's alone.
+ */
+function shadowed(late, ahead, slower, environment) {
+  if (environment.meanSnrDb) return null;
+  const { pathLossExponent: [hidden, seen], slots } = CHANNEL;
+  const found = Array.from(late.states[0].deviceCells).flatMap((cell, device) => {
+    const [sight, snr, transmit] = [environment.sight(cell), environment.snrMap(cell), environment.transmitSnrDb];
+    const all = (flight, k, sees) => [k, k + 1].every((at) => Boolean(sight[flight.uavCell[at]]) === sees);
+    const together = stretchesOf(Math.min(late.action.length, ahead.action.length), (k) => all(late, k, false) && all(ahead, k, true));
+    return together.map(([first, last]) => {
+      const there = late.uavCell.slice(first + 1, last + 2).map((at) => snr[at]);
+      const mean = (loss) => sum(there.map((each) => rate(transmit - (transmit - each) * loss))) / there.length;
+      const rates = [mean(1), mean(seen / hidden)];
+      const [some, others] = [late, ahead].map((flight) => givenBy(flight, first, last + 1));
+      const could = Math.min(others[device], leftAt(late, first)[device], rates[1] * slots * there.length);
+      const leaves = late.dataLeft.at(-1)[device] - ahead.dataLeft.at(-1)[device] >= ENOUGH;
+      const counts = leaves || (slower && givenBy(late, last + 1, late.action.length)[device] >= MUCH);
+      return { kind: "shadow", device, first, last, rates, amounts: [some[device], others[device]], more: counts ? could - sum(some) : 0, look: first };
+    });
+  });
+  const most = found.reduce((one, other) => (one?.more >= other.more ? one : other), null);
+  return most?.more >= MUCH ? most : null;
+}
+
+/** The longest stretch in which one flight hovers and hears little, and what the other, which flies nearer to the devices, gets in a step on average. */
+function waits(late, ahead, { size }) {
+  const brings = ({ dataLeft }) => dataLeft.slice(1).map((left, k) => sum(dataLeft[k]) - sum(left));
+  const [gets, others] = [late, ahead].map(brings);
+  const stays = stretchesOf(gets.length, (k) => late.uavCell[k + 1] === late.uavCell[k] && gets[k] >= LITTLE);
+  const [first, last] = stays.reduce((one, other) => (other[1] - other[0] > one[1] - one[0] ? other : one), [0, -1]);
+  if (last - first + 1 < 2 * LONG) return null;
+  const hears = gets.slice(first, last + 1);
+  const some = others.filter((each) => each >= LITTLE);
+  const mean = sum(some) / some.length;
+  const far = (flight, from, to, cell) => Math.min(...Array.from(flight.uavCell.slice(from, to), (at) => cellsApart(at, cell, size)));
+  const given = givenBy(late, first, last + 1);
+  const nearer = late.states[0].deviceCells.every((cell, k) => given[k] < ENOUGH || far(ahead, 0, undefined, cell) < far(late, first, first + 1, cell));
+  if (!nearer || !(mean >= (2 * sum(hears)) / hears.length)) return null;
+  return { kind: "waits", first, last, least: Math.min(...hears), most: Math.max(...hears), mean, look: first };
+}
+
+/** The first step of the way home, from which each step leads nearer to the landing. */
+function turnsHome({ uavCell, action }, timeToLand) {
+  let step = action.length - 1;
+  while (step > 0 && timeToLand[uavCell[step]] < timeToLand[uavCell[step - 1]]) step -= 1;
+  return step;
 }
 
 /**
@@ -185,6 +245,17 @@ export function idle(flight) {
   return Array.from(flight.action, (_, k) => total[k] - total[k + 1] < LITTLE && !lands(k));
 }
 
+/** The stretches, each from a first to a last step, in which something holds. */
+function stretchesOf(count, holds) {
+  const stretches = [];
+  for (let k = 0; k < count; k += 1) {
+    if (!holds(k)) continue;
+    if (stretches.at(-1)?.[1] === k - 1) stretches.at(-1)[1] = k;
+    else stretches.push([k, k]);
+  }
+  return stretches;
+}
+
 /**
  * The idle steps that stay where it is or lead to and fro, as `stretches` from a step to a last one, LONG steps
  * or more, and how many of their steps are `hovers` and `turns`.
@@ -193,12 +264,8 @@ export function astray(flight) {
   const cells = flight.uavCell;
   const turns = (k) => k >= 0 && k + 2 < cells.length && cells[k + 2] === cells[k];
   const hovers = (k) => cells[k + 1] === cells[k];
-  const stretches = [];
-  idle(flight).forEach((each, k) => {
-    if (!each || !(hovers(k) || turns(k) || turns(k - 1))) return;
-    if (stretches.at(-1)?.[1] === k - 1) stretches.at(-1)[1] = k;
-    else stretches.push([k, k]);
-  });
+  const idles = idle(flight);
+  const stretches = stretchesOf(idles.length, (k) => idles[k] && (hovers(k) || turns(k) || turns(k - 1)));
   const long = stretches.filter(([first, last]) => last - first + 1 >= LONG);
   const steps = long.flatMap(([first, last]) => Array.from({ length: last - first + 1 }, (_, k) => first + k));
   return { stretches: long, hovers: steps.filter(hovers).length, turns: steps.filter((k) => !hovers(k)).length };

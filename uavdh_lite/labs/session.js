@@ -284,7 +284,7 @@ export class Session {
       const { environment } = this.hangar;
       const part = parting(...flights, environment.size);
       const facts = reasons(who, flights, part, environment);
-      const look = facts.map(({ look }) => look).filter((step) => step !== undefined);
+      const look = [part ?? undefined, ...facts.map((fact) => fact.look)].filter((step) => step !== undefined);
       return {
         parting: part,
         look: [...new Set(look)].sort((one, other) => one - other),

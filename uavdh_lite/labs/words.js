@@ -78,6 +78,18 @@ const TEMPLATES = {
     const has = ahead ? `; before step ${part + 1} ${says(who, "has", `collected ${units(amount)} units more${later}`)}` : "";
     return `They first act differently at step ${step + 1}, but ${near ? `stay near each other until step ${part + 1}` : "come near each other again"}${has}.`;
   },
+  ways: ({ step }) => `From step ${step + 1} on they fly different ways, but get about as much from each device.`,
+  shadow({ who, other, device, first, last, rates: [hears, would], amounts }) {
+    const [some, others] = amounts.map((amount) => (amount < 0.05 ? "hardly anything" : `${amount.toFixed(1)} units`));
+    return `${upper(fromTo(first, last))}, ${says(who, "is", `in the radio shadow of device ${device}`)}: buildings leave ${units(hears)} of ${units(would)} units a slot ` +
+      `there. ${upper(says(other, "sees", "the device"))} in ${last > first ? "these steps" : "this step"} and ` +
+      `${other.you ? "get" : "gets"} ${others} from it, ${who.subject} ${some}.`;
+  },
+  waits({ who, other, first, last, least, most, mean }) {
+    const rates = [...new Set([least, most].map(units))].join("–");
+    return `${upper(says(who, "hovers"))} ${fromTo(first, last)}, for ${rates} units a step; ${says(other, "flies", "nearer to the devices")} and ` +
+      `${other.you ? "get" : "gets"} ${units(mean)} on average in each step that brings data.`;
+  },
   idles: ({ idlers }) =>
     `${upper(idlers.map((each) => says(each.who, "spends", `${during(each)} ${lost(each)}`)).join("; "))}; none of these steps brings 0.1 units.`,
   spends({ who, spent, other, others, since, ...astray }) {
@@ -87,12 +99,13 @@ const TEMPLATES = {
       `and ${spent.idle} that ${spent.idle === 1 ? "does" : "do"} not` +
       `${where}${since ? `, though ${nothingLeft(since)}` : ""}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.${does && who.thinks ? " Think shows what it expected there." : ""}`;
   },
-  leaves({ devices, unused, loser, winner }) {
+  leaves({ devices, unused, used, turns, loser, winner }) {
     const left = devices.map(({ device, more }, k) =>
       `${Math.abs(more).toFixed(1)} ${k ? "" : "units "}${more > 0 ? (k ? "" : "more ") : "less "}at device ${device}`);
+    const home = turns ? `: ${says(loser.who, "turns", `home at step ${turns[0] + 1}`)}, ${winner.who.subject} at step ${turns[1] + 1}` : "";
     const collects = ({ who, amount, first, last }) =>
       says(who, "collects", amount < 0.1 ? "less than 0.1 units" : `${amount.toFixed(1)} units${first < 0 ? ", but less than 0.1 in each step" : ` ${fromTo(first, last)}`}`);
-    return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${timeUnits(unused)} unused` : ""}. ` +
+    return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${timeUnits(unused)} unused` : used ? ", with all its time used" : ""}${home}. ` +
       `At device ${devices[0].device}, ${collects(winner)}; ${collects(loser)}.`;
   },
   lasts({ ends }) {
