@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from uavdh_lite.course.quiz import Choice, Question, Quiz, questions
+from uavdh_lite.course.quiz import Quiz, questions
 from uavdh_lite.errors import InputError
 
 SCRIPTS = (Path(__file__).parents[2] / "notebooks" / "scripts").glob("*.py")
@@ -28,13 +28,13 @@ def test_every_choice_explains_itself(name):
     quiz = Quiz(name)
     assert quiz.choices.value is None and not quiz.answer.value
     said = set()
-    for choice in quiz.question.choices:
+    for choice in quiz.question["choices"]:
         quiz.choices.value = choice
-        assert ("Right." if choice.right else "No.") in quiz.answer.value
+        assert ("Right." if choice.get("right") else "No.") in quiz.answer.value
         said.add(quiz.answer.value)
-    assert len(said) == len(quiz.question.choices) >= 2
-    assert sum(choice.right for choice in quiz.question.choices) == 1
-    assert all(choice.text and choice.why for choice in quiz.question.choices)
+    assert len(said) == len(quiz.question["choices"]) >= 2
+    assert sum(choice.get("right", False) for choice in quiz.question["choices"]) == 1
+    assert all(choice["text"] and choice["why"] for choice in quiz.question["choices"])
 
 
 def test_a_quiz_needs_no_more_than_ipywidgets():
@@ -59,8 +59,8 @@ def test_without_widgets_it_is_a_list_with_its_answer_folded_away():
 
 
 def test_text_is_escaped(monkeypatch):
-    question = Question("a < b?", (Choice("<b>", "x < y", right=True),))
+    question = {"question": "a < b?", "choices": [{"text": "<b>", "why": "x < y", "right": True}]}
     monkeypatch.setitem(questions(), "escaped", question)
     quiz = Quiz("escaped")
-    quiz.choices.value = question.choices[0]
+    quiz.choices.value = question["choices"][0]
     assert "x &lt; y" in quiz.answer.value and "a &lt; b?" in quiz.as_html()
