@@ -801,10 +801,8 @@ def main(arguments: list[str] | None = None) -> None:
     add("--out", type=Path, default=Path("build/fleet"))
     add("--archive", type=Path, help="folder for one .tar.gz a run")
     add("--compiled", action="store_true", help="torch.compile joins small kernels")
-    add("--tf32", action="store_true", help="products with ten bits of mantissa")
     options = parser.parse_args(arguments)
     until = time.perf_counter() + 60 * options.minutes
-    torch.backends.cuda.matmul.allow_tf32 = options.tf32
     torch.set_num_threads(1)  # the host has little to compute
     scenario = find_scenario(options.scenario)
     kind = torch.cuda.get_device_name() if options.device.startswith("cuda") else options.device

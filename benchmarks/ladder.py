@@ -24,12 +24,12 @@ import joblib
 import numpy as np
 import torch
 
-from uavdh_lite import registry
 from uavdh_lite.beyond.genie import Genie
+from uavdh_lite.beyond.orienteering import Orienteering
 from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import Interval, Policy, evaluate, mean_interval
+from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.provenance import provenance
 from uavdh_lite.scenario import find_scenario
@@ -63,14 +63,10 @@ class Row:
     slow: bool = False
 
 
-def planner(name: str) -> Callable[[Environment], Policy]:
-    return lambda environment: registry.find("policy", name)(environment, 0)
-
-
 ROWS = (
     Row("random", (), lambda environment: Random()),
     Row("greedy", ("map",), Greedy),
-    Row("orienteering", ("map",), planner("orienteering")),
+    Row("orienteering", ("map",), Orienteering),
     Row("plain", ("map", "reward"), agents="*plain-{}-centred-*"),
     Row("ddqn", ("map", "reward"), agents="ddqn-{}-lite-*"),
     Row("ddqn_failsafe", ("map", "failsafe", "reward"), agents="failsafe-{}-safe-*"),
@@ -82,10 +78,6 @@ ROWS = (
     Row("genie_data", KNOWS[:2], lambda world: Genie(world, time_cost=0.01), slow=True),
     Row("genie", KNOWS[:2], Genie, slow=True),
 )
-
-
-def environment_of(scenario: str) -> Environment:
-    return Environment(load_city(scenario))
 
 
 def policies(row: Row, scenario: str) -> list[str]:

@@ -8,7 +8,6 @@ point the agent flies 100 missions that it does not learn from.
 
 import argparse
 import copy
-import json
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from uavdh_lite.evaluation import evaluate
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import find_recipe
 from uavdh_lite.scenario import find_scenario
+from uavdh_lite.storage import write_json
 from uavdh_lite.streams import Use
 from uavdh_lite.training import Trainer
 
@@ -81,10 +81,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("data/races"))
     given = parser.parse_args()
     torch.set_num_threads(1)
-    given.out.mkdir(parents=True, exist_ok=True)
     settings = [record(name, given.seed, given.out) for name in SETTINGS]
     about = {"city": CITY, "episodes": EPISODES, **provenance(), "settings": settings}
-    (given.out / "races.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_json(given.out / "races.json", about)
 
 
 if __name__ == "__main__":

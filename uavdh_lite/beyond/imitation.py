@@ -43,18 +43,10 @@ class Cloning(DDQN):
         return self.tensor(batch.action)
 
     def loss(self, batch: Batch, y: Tensor) -> Tensor:
-        """The mean cross-entropy."""
-        return self.surprise(batch.state, y).mean()
-
-    def surprise(self, state: State, action: Tensor) -> Tensor:
-        """−log of the probability of each action, (B,), an eighth of them in each of the views.
-
-        They come in the order of `EIGHTHS`.
-        """
-        scores = torch.cat(list(self._in_views(*self.observation(state))))
-        return cross_entropy(
-            scores, torch.cat([action[rows] for rows in EIGHTHS]), reduction="none"
-        )
+        """The mean cross-entropy, an eighth of the minibatch in each of the views."""
+        scores = torch.cat(list(self._in_views(*self.observation(batch.state))))
+        actions = torch.cat([y[rows] for rows in EIGHTHS])
+        return cross_entropy(scores, actions, reduction="none").mean()
 
     def _in_views(self, map: Tensor, *others: Tensor) -> Iterator[Tensor]:
         """The scores of each eighth of a minibatch, from its view."""

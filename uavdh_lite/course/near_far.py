@@ -7,22 +7,20 @@ from torch import Tensor
 from uavdh_lite.streams import Use, stream
 
 SIDE = 16  # cells of the city
+REACH = 3  # near means that row and column differ by no more than this
+HALF = 4000  # pairs that are near, and as many that are far
 
 
-def near_pairs(count: int = 8000, reach: int = 3) -> tuple[Tensor, Tensor, Tensor]:
-    """Places of a UAV and a device: is the device near? The first half of them are.
+def near_pairs() -> tuple[Tensor, Tensor, Tensor]:
+    """8000 places of a UAV and a device: is the device near? The first half of them are.
 
-    Arguments:
-        reach: near means that row and column differ by no more than this.
-
-    Returns: the maps in place, (count, 2, 16, 16), a 1 at the device and in another layer a 1 at
-        the UAV; the centred maps, (count, 1, 31, 31), a 1 where the device is, seen from the UAV in
-        the middle; the answers, (count,), +1 for near and −1 for far.
+    Returns: the maps in place, (8000, 2, 16, 16), a 1 at the device and in another layer a 1 at
+        the UAV; the centred maps, (8000, 1, 31, 31), a 1 where the device is, seen from the UAV in
+        the middle; the answers, (8000,), +1 for near and −1 for far.
     """
-    uav, device = stream(Use.EXERCISE).integers(SIDE, size=(2, 5 * count, 2))
-    near = abs(uav - device).max(axis=1) <= reach
-    half = count // 2
-    pairs = np.r_[np.flatnonzero(near)[:half], np.flatnonzero(~near)[:half]]
+    uav, device = stream(Use.EXERCISE).integers(SIDE, size=(2, 10 * HALF, 2))
+    near = abs(uav - device).max(axis=1) <= REACH
+    pairs = np.r_[np.flatnonzero(near)[:HALF], np.flatnonzero(~near)[:HALF]]
     uav, device = uav[pairs], device[pairs]
     in_place = _maps(device, uav, side=SIDE)
     centred = _maps(device - uav + SIDE - 1, side=2 * SIDE - 1)

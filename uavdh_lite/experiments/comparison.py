@@ -74,21 +74,21 @@ def share(values: np.ndarray, reference: np.ndarray, groups: np.ndarray | None =
 
 
 def breakdown(
-    values: np.ndarray, by: np.ndarray, groups: np.ndarray | None = None, parts: int = 4
+    values: np.ndarray, by: np.ndarray, groups: np.ndarray | None = None
 ) -> list[tuple[str, int, Interval]]:
     """The mean of `values` in parts of the episodes: (label, number of episodes, mean).
 
-    Parts are the different values of `by` if there are few or they are words, otherwise ranges
-    with about equally many episodes. `groups` are those of `bootstrap_interval`.
+    Parts are the different values of `by` if there are at most five or they are words, otherwise
+    four ranges with about equally many episodes. `groups` are those of `bootstrap_interval`.
     """
     different = np.unique(by)
     if by.dtype.kind == "U":
         members = [(value.replace("_", " "), by == value) for value in different.tolist()]
-    elif len(different) <= parts + 1:
+    elif len(different) <= 5:
         members = [(f"{value:g}", by == value) for value in different]
     else:
-        edges = np.quantile(by, np.linspace(0, 1, parts + 1))
-        part_of = np.searchsorted(edges[1:-1], by, side="right")
+        edges = np.quantile(by, [0.25, 0.5, 0.75])
+        part_of = np.searchsorted(edges, by, side="right")
         members = [(_range(by[part_of == part]), part_of == part) for part in np.unique(part_of)]
     return [
         (
