@@ -504,6 +504,10 @@ def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
     expect(page.locator(".flies")).to_contain_text(flies)
     page.set_viewport_size({"width": 1366, "height": 850})
     assert visible(page, ".flies")
+    for named in page.locator(".verdict button").all():  # a point that a sentence names
+        steps = named.inner_text()
+        named.click()
+        expect(page.locator(".dot.on title")).to_contain_text(f"after {steps} steps")
     for one, other in (("run-0", "run-1"), ("run-1", "run-0")):  # none races itself
         chosen = page.locator(f"[data-set='{one}']").input_value()
         expect(page.locator(f"[data-set='{other}'] option[value='{chosen}']")).to_have_count(0)
@@ -727,7 +731,6 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
         assert step < last and opened_by_link(step) == "Think"
         choose(page, "layer", "buildings")
         page.get_by_label("centred").check()
-        page.wait_for_timeout(600)
         page.reload()
         expect(slider).to_have_value(str(step))
         expect(page.locator("[data-set='layer']")).to_have_value("buildings")
@@ -751,7 +754,6 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
         assert opened_by_link(shown_step(page)) == "Watch"
         page.reload()
         expect(page.locator(".orange .dot.on title")).to_have_text(shown)
-        page.wait_for_timeout(600)  # until the browser's history has it
         there = page.url
         press(page, "New")
         expect(page.locator(".dot.on")).to_have_count(0)
@@ -766,7 +768,6 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
     with visiting(browser, address) as page:
         press(page, "Skip the story")
         open_tool(page, "Channel")  # ends the 100 missions
-        page.wait_for_timeout(600)  # the address follows
         page.reload()
         page.locator(".main[data-shows='channel']").wait_for()
 

@@ -20,7 +20,7 @@ const say = words_js.sentence;"""
 
 
 # Where a flight was flown: home is everywhere, and another action would bring 2 units
-WHERE = """{ mission: { fading: () => 0 }, environment: { timeToLand: Array(9).fill(0),
+WHERE = """{ mission: { fading: () => 0, devices: [] }, environment: { timeToLand: Array(9).fill(0),
     drawFading: () => 0,
     transition: () => ({ state: { uavCell: 0 }, outcome: { uploaded: [2] } }) } }"""
 
@@ -410,9 +410,9 @@ def check_duel(scene, wanted):
 
 
 def brought(environment, mission, actions):
-    """Data units that the last of these actions brings."""
+    """Data units that the last of these actions brings, and the state after it."""
     flight = HandFlight(environment, mission)
-    return float([flight.step(action) for action in actions][-1].uploaded.sum())
+    return float([flight.step(action) for action in actions][-1].uploaded.sum()), flight.state
 
 
 @pytest.mark.parametrize("number", range(4))
@@ -434,7 +434,9 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
         gap, name, compared = re.search(r"([\d.]+) ahead of (\w+)(.*)\.$", text).groups()
         assert float(gap) == pytest.approx(best - second, abs=0.051) or best - second < 0.01
         assert name == panel["actions"][other]
-        brings, instead = (brought(environment, mission, [*done, each]) for each in (action, other))
+        (brings, after), (instead, there) = (
+            brought(environment, mission, [*done, each]) for each in (action, other)
+        )
         done.append(action)
         if "neither" in compared:
             assert max(brings, instead) < 0.051
@@ -444,8 +446,18 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
             assert next(likes[each] for each in likes if f" {each} " in compared) > 0.001
             assert "much" not in compared or brings == pytest.approx(instead, abs=0.101)
         assert bool(compared) or not ("close call" in text or "in this step" in text)
-        expects_less = f"the network expects less from the steps after {panel['actions'][other]}."
-        assert text.endswith(expects_less) == (bool(compared) and "not" not in compared)
+        if compared and ", not " not in compared:  # what else is different after the other action
+            cells = [int(state.uav_cell[0]) for state in (after, there)]
+            farther = int(np.subtract(*environment.time_to_land[0, cells[::-1]]))
+            sees, sight = (environment.sight[0, after.device_cells[0], cell] for cell in cells)
+            hidden = np.flatnonzero(sees & ~sight & (after.data_left[0] >= 0.05)).tolist()
+            if over := bool(there.landed[0]):
+                assert compared.endswith(", but after land the flight is over")
+            said = re.search(r"the way home is (\d+) steps? longer", compared)
+            assert over or int(said[1] if said else 0) == max(farther, 0)
+            assert over or [int(each) for each in re.findall(r"device (\d)", compared)] == hidden
+            unknown = compared.endswith(f"this page cannot tell why {name} is behind")
+            assert unknown == (not over and farther <= 0 and not hidden)
         found = re.search(
             r"device (\d).* gives ([\d.]+) .*?units (in this|within (\d+)) step", text
         )
@@ -477,9 +489,9 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
         "stake": True,
         "smaller": {"step": 2, "gap": pytest.approx(0.1), "empty": True},
     }
-    said = f"([flight, what]) => think_js.choices(flight, {WHERE}, true).map((each) => each[what])"
+    said = f"([flight, what]) => think_js.choices(flight, {WHERE}).map((each) => each[what])"
     calls = flight | {"values": [[5, 1], [5, 4.9], [5, 4.9]], "states": [0, 0, 0]}
-    told = {"brings": 9, "instead": 2, "scores": True}
+    told = {"brings": 9, "instead": 2, "over": None, "home": 0, "hidden": []}
     assert modules(said, [calls, "both"]) == [None, told, None]
     waits = flown(0, 0, 1, 2, left=[9, 9, 9, 0]) | {"values": [[5, 1]] * 3, "states": [0, 0, 0]}
     gives = {
@@ -503,7 +515,7 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
     goes = flown(0, 1, 2, 3, left=[9, 9, 5, 5]) | {"values": [[5, 1]] * 3, "states": [0, 0, 0]}
     goes["timeLeft"] = [4, 3, 2, 1]
     near = WHERE.replace("Array(9).fill(0)", "[3, 2, 1, 0]").replace("uavCell: 0", "uavCell: 2")
-    way = f"(it) => think_js.choices(it, {near}, true).map(words_js.sentence)"
+    way = f"(it) => think_js.choices(it, {near}).map(words_js.sentence)"
     first, gains, _ = modules(way, goes)
     assert first.startswith("east, on the way home, which is 3 units of time away; 4 are left;")
     assert gains.startswith(

@@ -248,7 +248,8 @@ def test_what_is_wrong_with_a_mission_is_said(tell):
     said = tell("paint", cells=around, sign="B")["warnings"]
     assert said == [
         "No way leads from the landing zone to row 6, column 6.",
-        "Device 0 is sealed in: it cannot be seen from any cell that the UAV can reach.",
+        "Device 0 is sealed in: it cannot be seen from any cell that the UAV can reach, and what "
+        "comes through the walls is little.",
     ]
     tell("move", device=0, cell=[1, 6])
     outside = tell("move", device=-1, cell=[7, 0])
@@ -257,6 +258,10 @@ def test_what_is_wrong_with_a_mission_is_said(tell):
     assert outside["state"]["absent"] == absent
     short = tell("time", value=3)["warnings"][-1]
     assert short == "A flying time of 3 is too short: the way home alone takes 7."
+    assert tell("time", value=7)["warnings"][-1] == "In a flying time of 7, it can only fly home."
+    tell("add", cell=[3, 3])
+    none = "Device 0 has no data: nothing is to be had there."
+    assert none in tell("data", device=0, value=0)["warnings"]
     assert tell("tool", tool="watch")["warnings"] == []  # which is about the village
     tell("tool", tool="compare")
     assert tell("city", name="village")["warnings"] == []

@@ -123,7 +123,7 @@ function filmedFlight(flight, { city, devices, flyingTime }) {
  * well, too little time.
  * @param {Environment} environment
  */
-export function warnings(environment, { city, start, devices, flyingTime }) {
+export function warnings(environment, { city, start, devices, data, flyingTime }) {
   const sealed = [...city.kinds.keys()].filter((cell) => !city.noFly[cell] && city.landingDistance[cell] < 0);
   const reached = (cell) => city.landingDistance[cell] >= 0;
   const facts = [];
@@ -136,6 +136,8 @@ export function warnings(environment, { city, start, devices, flyingTime }) {
   });
   if (!city.landing[city.cell(start)]) facts.push({ kind: "outside" });
   const home = environment.timeToLand[city.cell(start)];
-  if (home > flyingTime) facts.push({ kind: "late", time: flyingTime, home });
+  const bare = [...data.keys()].filter((device) => !data[device]);
+  if (bare.length) facts.push({ kind: "bare", devices: bare });
+  if (home >= flyingTime) facts.push({ kind: "late", time: flyingTime, home });
   return facts;
 }

@@ -16,7 +16,7 @@ export function pointFact({ steps, landed, collected_and_landed: home, time_used
 }
 
 /**
- * What the kinks mean, and how the runs ended: facts.
+ * What the kinks mean, and how the runs ended: facts; `at` are the points that one names.
  * @param {{points: {steps: number, landed: number, collected_and_landed: number, time_used: number}[]}[]} runs one or two
  * @param {string} metric that the curves show
  */
@@ -28,15 +28,15 @@ export function raceFacts(runs, episodes, metric) {
     const about = { run: k, episodes };
     if (kink === null) facts.push({ kind: run.points.at(-1).landed >= FOR_GOOD ? "fromTheStart" : "never", ...about });
     else {
-      facts.push({ kind: "kink", ...about, steps: points[kink].steps, before: points[kink - 1].landed, now: points[kink].landed });
+      facts.push({ kind: "kink", ...about, at: [kink], steps: points[kink].steps, before: points[kink - 1].landed, now: points[kink].landed });
       const best = points.slice(0, kink).reduce((one, other) => (other.landed > one.landed ? other : one));
-      if (best.landed >= FOR_GOOD * episodes) facts.push({ kind: "forgot", ...about, steps: best.steps, landed: best.landed });
+      if (best.landed >= FOR_GOOD * episodes) facts.push({ kind: "forgot", ...about, at: [points.indexOf(best)], steps: best.steps, landed: best.landed });
     }
-    const falls = points.slice(1).map((to, before) => ({ from: points[before], to, by: points[before].home - to.home }));
+    const falls = points.slice(1).map((to, before) => ({ at: [before, before + 1], from: points[before], to, by: points[before].home - to.home }));
     const most = falls.reduce((one, other) => (other.by > one.by ? other : one));
-    const { from, to } = most;
+    const { at, from, to } = most;
     const sooner = to.landed >= from.landed && from.time - to.time >= FALL;
-    if (most.by >= FALL) facts.push({ kind: "falls", ...about, from, to, sooner, hidden: metric === "landed" });
+    if (most.by >= FALL) facts.push({ kind: "falls", ...about, at, from, to, sooner, hidden: metric === "landed" });
   });
   const [blue, orange] = runs.map((run) => run.points[kinkOf(run)]?.steps);
   if (blue && orange && blue !== orange) facts.push({ kind: "sooner", run: Number(orange < blue), steps: Math.abs(blue - orange) });

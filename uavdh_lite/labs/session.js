@@ -308,7 +308,7 @@ export class Session {
         actions: ACTIONS,
         values: flight.values.map((each) => Array.from(each)),
         closest: closestCall(flight),
-        says: choices(flight, this.hangar, this.agents[name].scores).map(sentence),
+        says: choices(flight, this.hangar).map(sentence),
       };
     },
     channel() {
@@ -327,7 +327,7 @@ export class Session {
         village: village.name,
         elsewhere: !village.sameAs(mission.city),
         runs: runs.map(bare),
-        says: raceFacts(runs, episodes, looks.metric).map(sentence),
+        says: raceFacts(runs, episodes, looks.metric).map((fact) => ({ text: sentence(fact), run: fact.run, at: fact.at ?? [] })),
       };
     },
   };

@@ -59,7 +59,7 @@ const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-to
  */
 export function draw(el, model) {
   const find = (selector) => el.querySelector(selector);
-  let [scene, past, version, drawnTool, drawnMission, update] = [null, null, null, null, null, () => []];
+  let [scene, past, version, drawnTool, update] = [null, null, null, null, () => []];
   let [asked, waiting, settle] = [0, [], () => {}]; // how much was asked, what is not answered yet, what is called when all is
   const next = new Map(); // what is asked when it has come, the last of each kind
   let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of what is to be kept
@@ -186,7 +186,8 @@ export function draw(el, model) {
     find(".busy button").hidden = share === undefined;
   }
 
-  function paint() {
+  /** @param {string} [done] what the scene answers */
+  function paint(done) {
     const { state, film } = scene;
     const tool = TOOLS[state.tool];
     for (const each of el.querySelectorAll("[data-tool]")) {
@@ -213,15 +214,14 @@ export function draw(el, model) {
     find(".undo").disabled = !state.undo;
     find(".redo").disabled = !state.redo;
     paintDrawer();
-    const mission = JSON.stringify(scene.stage.mission);
     const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
     const flown = film.flights[0].path.length - 1;
     const last = fly && !scene.panel.you.ended ? flown : lastStep(film); // the ghost flies on to its end
     if (changed) {
-      const flies = fly && drawnTool === "fly" && flown > clock.now.last && mission === drawnMission;
+      const flies = fly && done === "fly" && flown > clock.now.last;
       clock.load(last, flies ? flown - 1 : fly || state.step < 0 ? last : state.step, flies);
     } else clock.show(clock.now.time, clock.now.playing);
-    [version, drawnTool, drawnMission] = [scene.version, state.tool, mission];
+    [version, drawnTool] = [scene.version, state.tool];
     if (stage.hovered && !film.city[stage.hovered[0]]?.[stage.hovered[1]]) stage.hovered = null;
     stage.point();
     stage.fresh();
@@ -310,6 +310,7 @@ export function draw(el, model) {
     const asks = [...waiting, ...again, ...next.values()];
     return { stage: stageNow(), asks, sign: brush.sign, story: story && { step: Math.floor(clock.now.time) } };
   };
+  const placeOf = ({ mission, tool }) => JSON.stringify([mission, tool]); // another is another entry
   const opens = () => waiting.some(({ kind }) => kind === "open"); // then this entry is not ours to write
 
   async function keep() {
@@ -319,7 +320,7 @@ export function draw(el, model) {
     const link = await linkOf(stageNow());
     if (opens()) return;
     const [state, address, now] = [stateNow(), story ? null : `#${LINK}${link}`, performance.now()]; // never an older state than is kept
-    const place = JSON.stringify([state.stage.mission, state.stage.tool]);
+    const place = placeOf(state.stage);
     const moved = Boolean(entry.place) && place !== entry.place;
     history[moved && now - entry.since > BURST ? "pushState" : "replaceState"](state, "", address);
     entry = { text, place, since: moved ? now : (entry.since ?? -BURST) };
@@ -346,7 +347,7 @@ export function draw(el, model) {
 
   /** Opens what an entry of the browser's history has, its state or its address; says whether there is something. */
   function openEntry(state) {
-    entry = {};
+    entry = state?.stage ? { place: placeOf(state.stage), since: -BURST } : {}; // what is done next is another
     if (!state?.stage) return stage.openLink(location.hash, true);
     stage.ask({ kind: "open", file: new File([JSON.stringify(state.stage)], ""), here: true, past: state.past });
     return true;
@@ -421,7 +422,7 @@ export function draw(el, model) {
       else if (scene.note || !scene.quiet) stage.refuse(scene.note, true);
       if (brush.cells) return; // a stroke is drawn until it is over
       if (!waiting.length) askNext(); // it is computed while this is drawn
-      paint();
+      paint(answered);
       if (answered === "race") clock.show(0, true);
       if (!waiting.length && again.length) stage.ask(again.shift());
       if (!waiting.length) settle();

@@ -31,9 +31,8 @@ export function closestCall({ values, dataLeft }) {
  * What an agent does in each step, what for where its flight shows it, and how sure it is: facts. What the second
  * best action would bring in the same step, with the same fading, tells whether data is a reason.
  * @param {{mission: object, environment: import("./world.js").Environment}} where it was flown
- * @param {boolean} scores whether its numbers are scores, which value nothing
  */
-export function choices(flight, { mission, environment }, scores) {
+export function choices(flight, { mission, environment }) {
   const generator = mission.fading();
   return flight.values.map((values, step) => {
     const { second, gap } = runnerUp(values);
@@ -51,9 +50,23 @@ export function choices(flight, { mission, environment }, scores) {
       gap: Number.isFinite(gap) ? gap : null,
       second: ACTIONS[second],
       close,
-      both: close || now ? { brings, instead, scores } : null,
+      both: close || now ? { brings, instead, ...behind(flight, step, other.state, { mission, environment }) } : null,
     };
   });
+}
+
+/**
+ * What speaks against the second best action, in the state to which it leads: it is `over`, `home` is so many steps farther, and
+ * devices with data left are `hidden` that the best action sees.
+ */
+function behind({ uavCell, dataLeft }, step, { uavCell: there, landed }, { mission, environment }) {
+  const [here, left] = [uavCell[step + 1], dataLeft[step + 1]];
+  const hides = (device) => {
+    const sight = environment.sight(environment.city.cell(device));
+    return sight[here] && !sight[there];
+  };
+  const hidden = [...mission.devices.keys()].filter((k) => left[k] >= NONE && hides(mission.devices[k]));
+  return { over: landed, home: environment.timeToLand[there] - environment.timeToLand[here], hidden };
 }
 
 function reasonOf(flight, step, timeToLand, otherwise, more) {

@@ -361,7 +361,11 @@ export const TOOLS = {
         ${chooser(colour, `run-${k}`, pairs, looks.runs[k] ?? "")}</span>`;
       const about = looks.runs.map((run, k) => `${upper(RUNS[k])}: ${escaped(settings[run][1])}`);
       const [flight] = film.flights;
-      const verdict = `<p class="verdict" role="status">${[says.at(-1), ...says.slice(0, -1)].map(escaped).join("<br>")}</p>`; // how it ended
+      const said = ({ text, run, at }) => at.reduce((html, k) => { // each point that it names flies its agent
+        const steps = grouped(runs[run].points[k].steps);
+        return html.replace(steps, button(steps, { kind: "race", point: [run, k] }, 'class="inline" title="see its agent fly"'));
+      }, escaped(text));
+      const verdict = `<p class="verdict" role="status">${[says.at(-1), ...says.slice(0, -1)].map(said).join("<br>")}</p>`; // how it ended first
       const odd = runs.flatMap(({ points }) => points).find(({ steps }) => steps % 1000);
       return `<h2>Watch it learn in the ${escaped(village)}</h2><div class="row">${racer("blue", others(0), 0)}${racer("orange", [["", "nobody"], ...others(1)], 1)}
         ${chooser("shown", "metric", METRICS.map((each) => [each, each.replaceAll("_", " ")]), looks.metric)}</div>

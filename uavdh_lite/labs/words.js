@@ -140,7 +140,8 @@ const TEMPLATES = {
   falls({ run, from, to, sooner, episodes, hidden }) {
     const lands = to.landed === from.landed ? "it lands as often" : `it lands in ${to.landed} of ${episodes} missions, not in ${from.landed}`;
     const time = `its flights take ${to.time}\u00a0% of their time, not ${from.time}\u00a0%`;
-    const less = to.landed < from.landed ? "" : sooner ? `, but ${time}` : `, but collects less in ${to.time > from.time + 5 ? "more" : "about the same"} time`;
+    const less = to.landed < from.landed ? "" : sooner ? `, but ${time}`
+      : `, but collects less in ${to.time > from.time + 5 ? "more" : "about the same"} time; why, this record does not tell: press both numbers of steps to see the agents fly`;
     return `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, but after ${grouped(to.steps)} only ` +
       `${to.home}\u00a0%, its deepest fall${sooner ? ", because it goes home sooner" : ""}: ${lands}${less}${hidden ? " (choose “collected and landed” to see it)" : ""}.`;
   },
@@ -169,9 +170,11 @@ const TEMPLATES = {
   sealed: ({ cells, where: [row, col] }) =>
     `No way leads from the landing zone to ${cells === 1 ? "" : `${cells} cells of this city, such as `}row ${row}, column ${col}.`,
   unreachable: ({ device }) => `No way leads to device ${device}: it can only be heard from afar.`,
-  unheard: ({ device }) => `Device ${device} is sealed in: it cannot be seen from any cell that the UAV can reach.`,
+  unheard: ({ device }) => `Device ${device} is sealed in: it cannot be seen from any cell that the UAV can reach, and what comes through the walls is little.`,
   late: ({ time, home }) =>
-    home > 9999 ? "No way leads from the start to a landing zone." : `A flying time of ${time} is too short: the way home alone takes ${home}.`,
+    home > 9999 ? "No way leads from the start to a landing zone."
+      : home === time ? `In a flying time of ${time}, it can only ${time > 1 ? "fly home" : "land"}.` : `A flying time of ${time} is too short: the way home alone takes ${home}.`,
+  bare: ({ devices }) => `${upper(listed(devices.map((device) => `device ${device}`)))} ${devices.length > 1 ? "have" : "has"} no data: nothing is to be had there.`,
 };
 
 const nothingLeft = (since) => (since ? `nothing has been left to collect since step ${since}` : "all data is collected");
@@ -195,13 +198,16 @@ const REASONS = {
   },
 };
 
-/** What the second best action would bring in the same step as the best. */
-function comparison({ brings, instead, scores }, second) {
+/** What the second best action would bring in the same step as the best, and if that is no less, what else speaks against it. */
+function comparison({ brings, instead, over, home, hidden }, second) {
   const [here, there] = [brings, instead].map((each) => each.toFixed(1));
-  const alone = scores ? "the score alone tells them apart" : `the network expects less from the steps after ${second}`;
   if (Number(there) < Number(here)) return `, which would bring ${there} units in this step, not ${here}`;
-  if (there === "0.0") return `; neither brings anything to speak of in this step: ${alone}`;
-  return `, which would bring ${there === here ? `as much in this step, ${there}` : `more in this step, ${there}`} units: ${alone}`;
+  const farther = home > 0 && `the way home is ${steps(home)} longer`;
+  const out = hidden.length && `${listed(hidden.map((device) => `device ${device}`))} ${hidden.length > 1 ? "are" : "is"} hidden`;
+  const against = over ? "the flight is over" : [farther, out].filter(Boolean).join(" and ");
+  const why = against ? `but after ${second} ${against}` : `this page cannot tell why ${second} is behind`;
+  if (there === "0.0") return `; neither brings anything to speak of in this step${against ? "," : ":"} ${why}`;
+  return `, which would bring ${there === here ? `as much in this step, ${there}` : `more in this step, ${there}`} units${against ? "," : ":"} ${why}`;
 }
 
 /** The sentence of a fact. */
