@@ -243,7 +243,7 @@ def test_all_that_was_answered_is_in_the_copy_and_what_was_handed_in_is_as_it_wa
 )
 def test_what_uses_the_checks_for_more_than_to_check_does_not_count(source, odd):
     sheet = handed_in.Sheet("one")
-    honest = handed_in._is_honest(nbformat.v4.new_code_cell(source), sheet, "it")
+    honest = handed_in._is_honest(nbformat.v4.new_code_cell(source), sheet, "it", ())
     assert honest == (odd not in ("checks", "course"))
     assert (f"uses `{odd}`" in sheet.notes[0]) if odd else not sheet.notes
     cell = nbformat.v4.new_code_cell(f"{source}\nx = 2")

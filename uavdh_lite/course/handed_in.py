@@ -172,8 +172,8 @@ def _mended(
     mended = []
     for place, cell in enumerate(release):
         own, marks = found.get(place, []), cell.metadata.get("nbgrader", {})
-        name = f"the check of {marks['grade_id'][6:]}" if marks.get("grade") else "the answer to "
-        name = (name if marks.get("grade") else name + marks.get("grade_id", "")).replace("-", ".")
+        kind = "the check of " if marks.get("grade") else "the answer to "
+        name = kind + marks.get("grade_id", "").removeprefix("check-").replace("-", ".")
         answers = [c for c in own if c.source.strip() != cell.source.strip()]
         if marks and not own:
             sheet.notes.append(f"{name} was deleted: restored")
@@ -223,7 +223,7 @@ def _statements(source: str) -> dict[str, ast.stmt]:
 
 
 def _is_honest(
-    cell: nbformat.NotebookNode, sheet: Sheet, name: str, usual: Collection[str] = ()
+    cell: nbformat.NotebookNode, sheet: Sheet, name: str, usual: Collection[str]
 ) -> bool:
     """Whether a cell uses `checks` in no other way than the course does; notes what is odd.
 
