@@ -84,7 +84,7 @@ class DataHarvesting(gymnasium.Env):
         boxes = [(name, spaces.Box(0.0, 1.0, shape)) for name, shape in shapes.items()]
         self.observation_space = spaces.Dict(boxes)
         self.action_space = spaces.Discrete(len(ACTIONS))
-        _seed(self, _any_seed())
+        _seed(self)
 
     def observe(self, state: State) -> dict[str, np.ndarray]:
         """What is seen of B episodes, (B, ...) arrays by name."""
@@ -183,7 +183,7 @@ class VectorDataHarvesting(VectorEnv):
         self.single_action_space = self.one.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        _seed(self, _any_seed())
+        _seed(self)
 
     def action_masks(self) -> np.ndarray:
         """The actions that the safety controller would not replace; (num_envs, 6) bool."""
@@ -227,13 +227,10 @@ class VectorDataHarvesting(VectorEnv):
         return self.observe(self.state), reward, ended, np.zeros_like(ended), info
 
 
-def _any_seed() -> int:
-    """A seed that nobody chose, for an environment that was given none: `reset` takes it, too."""
-    return int(np.random.SeedSequence().generate_state(1, np.uint64)[0]) >> 1
-
-
-def _seed(env: Any, seed: int) -> None:
-    """Give an environment its generator and the seed from which it can be made again."""
+def _seed(env: Any, seed: int | None = None) -> None:
+    """Give an environment its generator and the seed, which `reset` takes, too; any one if None."""
+    if seed is None:
+        seed = int(np.random.SeedSequence().generate_state(1, np.uint64)[0]) >> 1
     env._np_random, env._np_random_seed = stream(Use.GYMNASIUM, seed), seed
 
 
