@@ -278,11 +278,11 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # It makes no plan, either. At every step it asks afresh which of the six actions looks most
 # promising.
 #
-# You can put the same question to its network. For each action the network gives a number, the
-# **Q-value**: the sum of the rewards that it expects from now on if the agent takes that action and
-# flies well afterwards. Later rewards count less in this sum (a reward twenty steps ahead counts
-# about a third as much as one now), so a Q-value is usually smaller than the return of the flight.
-# Here are the Q-values at the start of the first mission:
+# For each action its network gives a number, the **Q-value**: the sum of the rewards that it
+# expects from now on if the agent takes that action and flies well afterwards. Later rewards count
+# less in this sum (a reward twenty steps ahead counts about a third as much as one now), so a
+# Q-value is usually smaller than the return of the flight. At the start of the first mission it is
+# smaller still, because the network cannot see three of the five devices from there:
 
 # %%
 from uavdh_lite.environment import ACTIONS

@@ -133,12 +133,11 @@ figure.legend(loc="outside right upper", fontsize="small");
 # because on a clock that stands still the moment to land never comes.
 #
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
-# the air when the true time is up, because the clock never warns them. With 50 or 60 units most
-# UAVs stay in the air until they crash, many with nothing left to collect. Flying home at once
-# would then give the highest return, because each step costs something. But one more step changes
-# the Q-value by no more than the step's price, which was 0.1 in training, and such a small
-# difference is easily lost in the network's errors. No stopped clock gives a score (orange) near
-# that of the true clock (black).
+# the air when the true time is up, and with 50 or 60 units most are. Most of those that crash have
+# nothing left to collect. Flying home at once would then give the highest return, because each step
+# costs something. But one more step changes the Q-value by no more than the step's price, which was
+# 0.1 in training, and such a small difference is easily lost in the network's errors. A stopped
+# clock never warns them, so none gives a score (orange) near that of the true clock (black).
 #
 # Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
 # because the future would depend on something that the agent could not see. The problem would be
