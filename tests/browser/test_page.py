@@ -223,6 +223,10 @@ def test_no_type_is_small_on_a_projector_and_no_page_half_empty(page):
     open_tool(page, "Compare")
     assert visible(page, "[data-ask*=many]")  # what comes of it
     assert page.get_by_role("slider", name="step").bounding_box()["width"] > 180
+    open_tool(page, "Watch")
+    choose(page, "run-1", "3")  # of which most is said
+    expect(page.locator(".verdict")).to_contain_text("why, this record does not tell")
+    assert visible(page, ".verdict")
     page.evaluate("document.exitFullscreen()")
     page.wait_for_function("!document.fullscreenElement")
 

@@ -194,8 +194,10 @@ export class Session {
       film,
       version: this.version,
       panel: { ...this.panel(flights), ...this.extra },
-      place: hangar.place && sentence({ kind: "place", ...hangar.place }),
-      warnings: stage.tool === "watch" ? [] : warnings(hangar.environment, stage.mission).map(sentence), // it is about the village
+      ...(stage.tool === "watch" ? { warnings: [] } : { // it is about the village
+        place: hangar.place && sentence({ kind: "place", ...hangar.place }),
+        warnings: warnings(hangar.environment, stage.mission).map(sentence),
+      }),
       refused: refused && `Not ${kind === "move" ? "moved" : "done"}: ${refused}.`,
       note: this.notes.splice(0).map(sentence).join(" "),
       number,

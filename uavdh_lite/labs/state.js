@@ -139,17 +139,17 @@ export function readFile(text, shelf, notes = []) {
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
   const index = (value, name, least, most) => require(Number.isInteger(value) && value >= least && value <= most,
     `this file shows ${name} ${value}: here it must be a whole number from ${least} to ${most}`);
-  require(shelf.tools.includes(tool), `tool ${JSON.stringify(tool)}: choose one of ${shelf.tools.join(", ")}`);
-  require(policies?.length === 2 && policies.every((each) => typeof each === "string"), "policies: give two names");
-  require(/^[neswhl]*$/.test(flown), `flown ${JSON.stringify(flown)}: has other letters than ${LETTERS}`);
+  require(shelf.tools.includes(tool), `this file opens the tool ${JSON.stringify(tool)}, which this page does not have`);
+  require(policies?.length === 2 && policies.every((each) => typeof each === "string"), "this file does not say which two fly: save it again");
+  require(/^[neswhl]*$/.test(flown), `this file has a flight ${JSON.stringify(flown)}, which has other letters than ${LETTERS}`);
   index(step, "step", -1, mission.flyingTime);
   index(device, "device", 0, mission.devices.length - 1);
-  require(held === null || isInside(held, mission.city.size), `held ${JSON.stringify(held)}: no cell of this city`);
+  require(held === null || isInside(held, mission.city.size), `this file holds the cell ${JSON.stringify(held)}, which this city does not have`);
   const strangers = policies.filter((name) => !names.includes(name));
   if (strangers.length) notes.push({ kind: "strangers", strangers });
   else if (policies[0] === policies[1]) notes.push({ kind: "twice" });
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
-  require(Object(told) === told, "looks: must be an object");
+  require(Object(told) === told, "this file does not say how one looks at the map: save it again");
   const looks = usualLooks(shelf);
   const races = shelf.races.length > 0;
   for (const [name, fits] of Object.entries(LOOKS)) {
