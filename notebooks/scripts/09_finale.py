@@ -146,7 +146,7 @@ figure
 # grow step by step, drops those that cannot get home in time or can no longer become the best, and
 # keeps, among flights in the same cell with the same devices emptied, only the few that have
 # collected most. On one core this takes about a twentieth of a second for a mission over our city,
-# but sometimes a minute over `metropolis`, which has 50 × 50 cells and up to ten devices.
+# but several seconds over `metropolis`, which has 50 × 50 cells and up to ten devices.
 #
 # The genie is better than any agent here. But it has to search anew for each mission, and it needs
 # the formulas of the channel. Can a network learn to do at a glance what the genie does after a
@@ -313,17 +313,18 @@ for name, each in flown.items():
 # greedy. The project's notebook is a template that runs as it is; two finished projects come with
 # it, one better than the other.
 #
-# And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a
-# planner or the network of exercise 7.1 (with `--scenario village`). Your score is the pilot's
-# result on the *practice set*, a set of missions that is the same for everybody:
+# And there is a **challenge**. Write a pilot, a file with a function `policy(environment, state)`
+# that gives an action for each state: a rule, a planner or the network of exercise 7.1 (with
+# `--scenario village`). Your score is its result on the *practice set*, which is the same for
+# everybody:
 #
 # ```text
 # python -m uavdh_lite challenge score my_policy.py greedy --leaderboard board.json
 # python -m uavdh_lite challenge show board.json
 # ```
 #
-# The guide to [comparing policies](../docs/how_to/compare.md) shows what a policy looks like.
-# Greedy is the pilot to beat.
+# [Run a competition](../docs/teach/class.md#run-a-competition) shows such a file. Greedy is the
+# pilot to beat.
 #
 # ## Recap
 #
