@@ -306,8 +306,8 @@ for action, value in zip(ACTIONS, q_values):
 # ## Recap
 #
 # - The task is to collect as much data as possible and to land before the flying time runs out.
-# - An arrow has the colour of the device that sent the most data in that step. Violet cells lie in
-#   the radio shadow of buildings.
+# - Each arrow is one step, in the colour of the device that sent the most data during it. Violet
+#   cells lie in the radio shadow of buildings.
 # - One network flies every mission over this city, and takes a different route when time is short.
 # - `collected_and_landed` is the score: data counts only if the UAV lands.
 # - A comparison needs rivals and many missions.

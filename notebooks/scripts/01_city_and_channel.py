@@ -233,8 +233,8 @@ for distance in (0, 10, 20, 30, 100):
 Quiz("luck_on_average")
 
 # %% [markdown]
-# To find the mean rate, average the rate over all amounts of luck, each weighted by its probability
-# density.
+# For the mean rate, average the rate over all values of the fading, each weighted by its
+# probability density.
 
 # %%
 luck_db, mean_db = np.linspace(-12, 12, 481), snr_db(30, 2.27)
@@ -270,8 +270,8 @@ figure
 # inequality*.
 #
 # Textbooks often say the opposite, that fading *lowers* the rate. They compare links with the same
-# mean SNR, and as a function of this ratio, rather than of decibels, the rate bends downwards. Here
-# the mean is fixed in decibels, so fading raises the mean SNR, by 5 % in sight and by 14 % behind a
+# mean SNR, averaged as a ratio, and as a function of this ratio the rate bends downwards. Here the
+# mean is fixed in decibels, so fading raises the mean SNR, by 5 % in sight and by 14 % behind a
 # building (the mean of $10^{\eta/10}$ for a normally distributed $\eta$). This gain exceeds the
 # loss from the downward bend.
 #

@@ -182,8 +182,9 @@ figure
 # entry says whether a device and a UAV in these cells see each other. The table is computed only
 # once per city, because buildings do not move. During a flight the program only looks up entries in
 # the table, so the devices may stand elsewhere in the next mission at no extra cost. The table has
-# $16^4 = 65{,}536$ entries, because every cell is paired with every cell. For a city with twice as
-# many cells on each side, the table has 16 times as many entries, and the rays are twice as long.
+# $16^4 = 65{,}536$ entries, because every cell is paired with every cell, itself included. For a
+# city with twice as many cells on each side, the table has 16 times as many entries, and the rays
+# are twice as long.
 
 # %%
 sight = line_of_sight(environment.city.buildings)

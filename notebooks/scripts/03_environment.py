@@ -64,8 +64,8 @@ for name, value in vars(state).items():
 # %% [markdown]
 # Here a cell is given by one number, row · 16 + column, so 17 is row 1, column 1. The state has
 # room for five devices, but this episode uses only two. The outer brackets are there because the
-# library can fly many episodes together, as a *batch*. `city` is the number of the city; it is 0,
-# because there is only one.
+# library can fly many episodes together, as a *batch*. `city` is the city's index; it is 0, because
+# there is only one city.
 #
 # Why does the state contain the time left? With 40 units of time left, flying on may be best. In
 # the same place with only 5 units, the UAV may have to land.
@@ -272,8 +272,8 @@ figure
 # building is in the way. From slot 2 on, the device is in sight, and each slot carries a little
 # more data than the one before. How does the program know what is in sight? The table of notebook 2
 # has one answer for each *cell*, whereas the UAV is now between two cells, so the nearer cell
-# decides whether the device is in sight. Halfway, in slot 2, both are equally near, and then the
-# cell ahead counts.
+# decides whether the device is in sight. Halfway, in slot 2, the two cells are equally near, and
+# then the cell ahead counts.
 #
 # ## 3.6 Fly it yourself
 #

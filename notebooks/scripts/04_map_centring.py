@@ -191,8 +191,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # each device its cell and its data. Three arguments nevertheless favour pictures.
 #
 # - **The number of devices may vary.** A list for five devices has no room for a sixth, and with
-#   only two devices, three of its entries mean nothing. On a map any number of devices fits, so
-#   neither the size of the input nor the network **depends on the number of devices**. The same
+#   only two devices, three of its entries mean nothing. A map has room for any number of devices,
+#   so neither the size of the input nor the network **depends on how many there are**. The same
 #   agent flies missions with two devices and with five. It would accept twenty devices, too, but
 #   may fly badly with them: in training it never saw such full maps or such large returns, and a
 #   network can be trusted only with inputs like those it has learned from.
@@ -280,8 +280,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #   to go home.
 # - Centring puts the UAV in the middle of a frame that is $2M-1$ cells wide, so that a place in the
 #   picture stands for a position relative to the UAV.
-# - A map has room for any number of devices, needs no order among them, and shows the city together
-#   with them.
+# - A map has room for any number of devices, does not depend on their order, and shows the city
+#   together with them.
 # - An observation that holds everything that matters is a Markov state. If something is missing,
 #   the problem is a POMDP.
 #

@@ -178,11 +178,12 @@ def train(model, x, y, updates=400):
 #   steps by the usual size of the slopes for that weight, so that all weights take steps of similar
 #   length.
 # - `loss = …` is the forward pass, in which PyTorch records each operation. The loss is a mean over
-#   a **minibatch**, because all examples would take longer, and a single one would be too noisy.
+#   a **minibatch**, because using all examples would take longer, and a single one would be too
+#   noisy.
 # - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
 #   them.
 # - `loss.backward()` is backpropagation.
-# - `optimiser.step()` lets every weight step downhill.
+# - `optimiser.step()` moves every weight a step downhill.
 #
 # ## 5.5 A window that moves
 #
@@ -198,8 +199,8 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 
 # %% [markdown]
 # Blue marks the building's western edge; red, its eastern one. The window has four positions along
-# each side; in general, a kernel of $k$ cells on a side turns $n$ cells into $n-k+1$. A rim of
-# zeros (**padding**) keeps the size; the agent's network uses no padding. The same nine weights are
+# each side; in general, a kernel $k$ cells wide turns $n$ cells into $n-k+1$. A rim of zeros
+# (**padding**) keeps the picture's size; the agent's network uses none. The same nine weights are
 # used everywhere (**weight sharing**), so what they learn in one place holds in all others. If the
 # building moves one cell east, so does the result (**translation equivariance**).
 #

@@ -64,7 +64,7 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # neighbour with the next.
 #
 # Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
-# $s'$, and so the *present* value $y$ of the equation's right-hand side. The entry moves a fraction
+# $s'$, and so the *current* value $y$ of the equation's right-hand side. The entry moves a fraction
 # $\alpha$ of the way to $y$:
 #
 # $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
@@ -292,9 +292,10 @@ Quiz("whose_maximum")
 
 # %% [markdown]
 # The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth?
-# The luckiest error answers both, so the value comes out too high: a **maximisation bias**. In
-# **double Q-learning** one set of estimates chooses the action and another judges it. In the
-# paper's target these are the online and the target network (eq. 8):
+# The estimate with the luckiest error answers both, so the value comes out too high: a
+# **maximisation bias**. In **double Q-learning** one set of estimates chooses the action and
+# another judges it. In the paper's target, the online network chooses and the target network judges
+# (eq. 8):
 #
 # $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
 #
@@ -315,10 +316,10 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # The right target is 0, and only the stranger finds it. The target network, an older copy of the
 # online network, is a related judge, so it removes only part of the bias.
 #
-# No constant can correct the bias, because the bias is not the same everywhere: it is large where
-# several actions are almost equally good and their values uncertain, and nearly 0 where one action
-# is clearly the best. The bias therefore does not cancel when states are compared, and draws the
-# agent to states about which it knows little.
+# No constant can correct the bias, because it is large where several actions are almost equally
+# good and their values uncertain, and nearly 0 where one action is clearly the best. The bias
+# therefore does not cancel when states are compared, and draws the agent to states about which it
+# knows little.
 #
 # A deep network with double Q-learning is a *double deep Q-network*, or **DDQN**.
 #

@@ -1,11 +1,11 @@
 # %% [markdown]
 # # 7 · Training
 #
-# Two agents fly the same mission below. Both were trained with the **recipe** `lite`, but for the
-# number of steps. (A recipe sets all constants and choices of a run.) The agent on the left comes
-# from a run planned for two million steps and stopped after 300,000; the one on the right is the
-# best agent of a run of nearly four million steps. **What happens in all these steps, and how can
-# you tell whether training is going well?**
+# Two agents fly the same mission below. Both were trained with the **recipe** `lite`; only the
+# number of steps differs. (A recipe sets all constants and choices of a run.) The agent on the left
+# comes from a run planned for two million steps and stopped after 300,000; the one on the right is
+# the best agent of a run of nearly four million steps. **What happens in all these steps, and how
+# can you tell whether training is going well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -68,8 +68,8 @@ print(inspect.getsource(Trainer.step))
 # | `replay.sample` | **sample** a minibatch that includes the newest steps | 6.2 |
 # | `learner.update` | **update**: DDQN targets (eq. 8), a step downhill (eq. 7), the soft update | 6.3, 6.5 |
 #
-# The loop is a circle: the agent makes the data that it learns from, so a bad agent collects bad
-# data, and a lucky one collects good data.
+# The loop feeds on itself: an agent learns from its own flights, so a bad agent learns from bad
+# flights, and a good one from good flights.
 #
 # Five more things are worth knowing:
 #
@@ -129,9 +129,9 @@ draw(ax, trainer.validation_rows, "the village")
 
 # %% [markdown]
 # Most untrained agents (step 0) bring nothing home. This one waits near the start and then lands,
-# which in so small a village brings in nearly half the data. Look, therefore, not at where a curve
-# starts but at how far it rises, above all the curve of **collected and landed**. To watch networks
-# learn in this village, open the lab *Watch* (`python -m uavdh_lite app`).
+# which in so small a village brings in nearly half the data. Therefore judge a curve, above all
+# that of **collected and landed**, not by where it starts but by how far it rises. To watch
+# networks learn in this village, open the lab *Watch* (`python -m uavdh_lite app`).
 
 # %%
 last = trainer.validation_rows[-1]
@@ -200,7 +200,7 @@ Quiz("huge_penalty")
 
 # %% [markdown]
 # **The lazy agent.** What if a crash costs 150 units from the start? The next cell compares such a
-# recipe with `lite`, in which the cost begins at 10. Three runs of each were recorded over an
+# recipe with `lite`, in which the cost begins at 10. The three recorded runs of each used an
 # earlier map of Manhattan. Each run has only 300,000 steps, so whatever changes during a run
 # changes faster than in longer runs.
 

@@ -171,7 +171,7 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
 # After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
-# **sooner**. (We chose the mark of 300,000 steps after seeing the curves, so this gap is less
+# **faster**. (We chose the mark of 300,000 steps after seeing the curves, so this gap is less
 # certain than it looks.) At the end of the long runs the interval contains 0, so by this measure
 # these runs do not say which kind is **better in the end**. In the village the bar just reaches 0,
 # although there are six pairs: the leads differ too much, from 1 to 46 points.
@@ -300,7 +300,7 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 #
 # | question | what these runs say |
 # | --- | --- |
-# | Does an agent learn sooner with the centred map? | Probably, judged by *collected and landed*, in this city and with this recipe |
+# | Does an agent learn faster with the centred map? | Probably, judged by *collected and landed*, in this city and with this recipe |
 # | Is it better in the end? | Open: the interval at the end contains 0 by *collected and landed*, but not by return (0.6 to 1.1 units) |
 # | Is the paper's larger gap wrong? | These runs cannot say: that gap comes from another recipe and other maps |
 # | Is the recipe fair to both kinds? | Not quite: we tuned the recipe with the centred map |
@@ -310,7 +310,7 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 #
 # - Change one thing, keep the rest fixed, and use several seeds.
 # - One seed is a sample of one.
-# - Give every gap with its interval. If 0 is well inside the interval, the question is open; if 0
+# - Report every gap with its interval. If 0 is well inside the interval, the question is open; if 0
 #   is near one end, neither answer is safe.
 # - Put baselines next to every number, and compare mission by mission on the same missions.
 #

@@ -103,9 +103,9 @@ assert flights.end.landed.all()
 
 # %% [markdown]
 # With the failsafe every flight lands, by construction, as long as the map is right and no wind
-# makes a step longer. A skill that a rule guarantees need not be learned, and no crash reward of
-# −150 disturbs the Q-values any more. From here on, therefore, "landed 100 %" is no achievement of
-# the agent, and we shall look at the return.
+# slows the UAV. A skill that a rule guarantees need not be learned, and no crash reward of −150
+# disturbs the Q-values any more. From here on, therefore, "landed 100 %" is no achievement of the
+# agent, and we shall look at the return.
 #
 # ## 9.3 Tell
 #
@@ -203,9 +203,8 @@ for name, values in ladder.items():
 # library and *imitation agent* in the README; its teacher is the genie with a narrower search. On
 # [the ladder](../docs/results/ladder.md), over 3000 missions, guarded agents that learned from
 # reward alone are level with the rule; those that were also told what can be computed lead by 0.4
-# units of return, a copy by 1.2, and agents with all four gifts by 1.4. Here `manhattan` flies
-# beside greedy and the DDQN agent, all with the failsafe, over the devices of 0.3 and with 40 units
-# of time:
+# units of return, a copy by 1.2, and agents with all four gifts by 1.4. Here `manhattan`, greedy
+# and the DDQN agent, all with the failsafe, fly the mission of section 0.3 with 40 units of time:
 
 # %%
 from uavdh_lite.player import play
@@ -244,7 +243,7 @@ play(world, {name: mission.fly(world, find_policy(name, world)).trajectory(0) fo
 # The agent of notebook 8 had learned some places by heart. What if an agent learns in *thousands*
 # of cities, with one of them drawn for each mission? The agent `any_city` learned in 3000 cities,
 # with the four gifts. It hardly knows these cities by heart: its return is about 2 units above
-# greedy's both there and in new cities. Type a city, and let the agent fly over it. `L` is a
+# greedy's both there and in new cities. Type in a city, and let the agent fly over it. `L` is a
 # landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any square up to 16 × 16
 # will do:
 
@@ -298,13 +297,13 @@ for name, each in flown.items():
 # with four gifts earn 1.4 units more than greedy. But the genie is further ahead, and over our city
 # it is quick. Whoever knows the channel and has a genie should let the genie fly.
 #
-# Learning pays where the channel, the rule or the time to search is missing. Where nobody can write
-# down the channel, no genie can plan and nobody can compute expected data, but reward still
-# teaches, over millions of real steps, or in a simulator fitted to measurements (notebook 14).
-# Where nobody knows a good rule, an agent may find its own. Where a search takes too long, as it
-# may over `metropolis`, an agent pays for it beforehand, in training and **for all missions**, and
-# then decides at once. Over our city nothing is missing, which makes it a good place to study the
-# method: the genie's flights show how much can be reached.
+# Learning pays where a model of the channel, a good rule or the time to search is missing. Without
+# a model, no genie can plan and nobody can compute expected data, but an agent can still learn from
+# reward, over millions of real steps or in a simulator fitted to measurements (notebook 14). Where
+# nobody knows a good rule, an agent may find its own. Where a search takes too long, as it may over
+# `metropolis`, an agent pays for it beforehand, in training and **for all missions**, and then
+# decides at once. Over our city nothing is missing, which makes it a good place to study the
+# method: the genie's flights show how much can be achieved.
 #
 # ## 9.8 Your turn
 #

@@ -180,8 +180,8 @@ for count in (995, 999, 1000):
 # The simple interval goes past 100 % in the second line and shrinks to a point in the third. Wilson's does neither: after 1000
 # landings it says that the share is at least 99.6 %.
 #
-# Scores that are more than a yes or no, such as *collected*, get their intervals from notebook 8's bootstrap. Either kind of interval covers
-# luck in the missions, but not luck in training. For a claim about a *method*, the sample has to consist of training runs.
+# Scores that are more than a yes or no, such as *collected*, get their intervals from notebook 8's bootstrap. Both kinds of interval allow
+# for luck in the missions, but not for luck in training. For a claim about a *method*, the sample has to consist of training runs.
 #
 # ## 10.3 Next to the planners
 #
@@ -398,7 +398,7 @@ figure
 # ## Recap
 #
 # - A result is a mean with an interval, over missions that were not used before.
-# - Training, validation and test draw from streams of their own.
+# - Training, validation and test each draw their missions from a separate stream of random numbers.
 # - Compare your agent with something simple and with something nearly perfect, on the same
 #   missions.
 # - The best of many checkpoints looks better than it is.

@@ -127,7 +127,7 @@ assert flights["landed"].all()
 
 # %% [markdown]
 # All flights with the failsafe land, and they always will, as long as the map is right and no wind
-# makes a step longer. But the return is still poor, because random moves collect little.
+# slows the UAV. But the return is still poor, because random moves collect little.
 #
 # What a rule guarantees need not be learned. No crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody
 # must know the rule.
@@ -165,9 +165,9 @@ figure
 #
 # Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* says
 # how near a cell is to a landing zone, and *way there* how near it is to the UAV: the fewer the
-# moves, the brighter the cell. The moves lead around tall buildings and no-fly zones. Anyone who
-# knows the city and the constants of the channel can work all of this out before the flight,
-# whereas a network that is not told has to find it out by flying.
+# moves, the brighter the cell. Moves are counted along the shortest way around tall buildings and
+# no-fly zones. Anyone who knows the city and the constants of the channel can work all of this out
+# before the flight, whereas a network that is not told has to find it out by flying.
 
 # %%
 Quiz("what_may_be_told")

@@ -88,8 +88,8 @@ checks.flight_score(collected_and_landed)
 # <details><summary>Another hint</summary>
 #
 # Greedy has one rule: fly to the nearest device that has data left, and fly home when just enough
-# time is left. From the start, one device is 8 moves away and the other 13. Which of the two does
-# greedy fly to first?
+# time is left. One device is 8 moves from the start and the other 13. Which of the two does greedy
+# fly to first?
 # </details>
 
 # %%
@@ -143,13 +143,13 @@ picture([])
 # <details><summary>Hint</summary>
 #
 # Add up the time that each leg takes, landing included. Little time is left for waiting, so collect
-# data on the move. From which cells beside the no-fly cells is the device at (4, 1) in sight, and
-# which of these cells lie on a route to the other device and back?
+# data on the move. From which of the cells next to the no-fly cells is the device at (4, 1) in
+# sight, and which of these lie on a route to the other device and back?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Fly along row 0 towards the far corner, but spend hardly any time there. Then fly to (4, 2), one
+# Fly along row 0 towards the far corner, but spend hardly any time near it. Then fly to (4, 2), one
 # cell from the device at (4, 1), either back along row 0 and down the street in column 2 or 3, or
 # down the eastern side and along row 4. Stay at (4, 2) for as long as you can while still getting
 # home in time.

@@ -140,4 +140,4 @@ checks.mean_rate(mean_rate)
 # As a function of the SNR in decibels, the rate bends upwards everywhere, and most strongly at 0
 # dB, so lucky draws gain more than unlucky ones lose, and fading raises the mean rate. Far above 0
 # dB the rate is almost a straight line, and fading hardly changes its mean. Far below 0 dB fading
-# adds only a little data, but a larger share of the little that arrives.
+# adds only a little data, but that little is a larger share of what arrives.

@@ -175,8 +175,8 @@ print(memory[:3])
 # <details><summary>Hint</summary>
 #
 # Draw a minibatch with `batch = memory[torch.randint(len(memory), (32,))]`. Then `batch.split([2,
-# 1, 1, 2, 1], dim=1)` gives its five parts: cell, action, reward, next cell and end, of 2, 1, 1, 2
-# and 1 columns. The training loop is that of notebook 5: loss, `zero_grad`, `backward`, `step`.
+# 1, 1, 2, 1], dim=1)` gives its five parts, of 2, 1, 1, 2 and 1 columns: cell, action, reward, next
+# cell and end. The training loop is that of notebook 5: loss, `zero_grad`, `backward`, `step`.
 # </details>
 #
 # <details><summary>Another hint</summary>

@@ -387,7 +387,7 @@ lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_rewa
 # %% [markdown]
 # Mend this recipe: use `replace(lazy, ...)` to make a recipe whose agent reaches at least 35 % in
 # *collected and landed*. Only the settings in the following table may be changed. The table shows
-# their values in `lazy` and in `small`, the recipe with which the notebook trains.
+# their values in `lazy` and in `small`, the recipe with which the notebook trains its agent.
 
 # %%
 meaning = {field.name: field.metadata["help"] for field in fields(Recipe) if "help" in field.metadata}
