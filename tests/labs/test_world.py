@@ -6,8 +6,6 @@ If one of these fails after a change in Python, make the same change in `labs/wo
 
 import base64
 import json
-import shutil
-import subprocess
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -45,7 +43,7 @@ CITIES = (
 )
 SCENARIO = Scenario("twin", devices=(1, 4), data=(0.0, 20.0), flying_time=(1, 60))
 TRANSITIONS = 20_000
-STATES = 500  # of each agent
+STATES = 150  # of each agent
 SAME = "labs/world.js or labs/pilots.js do not do what Python does: make the same change there"
 
 
@@ -230,26 +228,10 @@ def asked(flown, agents):
     }
 
 
-def by_node(asked: dict) -> str:
-    if shutil.which("node") is None:
-        pytest.skip("needs node")
-    program = f"""
-        import {{ answer }} from {json.dumps(TWIN.as_uri())};
-        import {{ readFileSync }} from "node:fs";
-        process.stdout.write(JSON.stringify(answer(JSON.parse(readFileSync(0)))));
-    """
-    command = ["node", "--input-type=module", "--eval", program]
-    done = subprocess.run(command, input=json.dumps(asked), capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-@pytest.fixture(scope="module", params=["node", "chromium"])
-def answered(request, asked):
-    """What the modules answer, in Chromium packed as the labs' page has them."""
-    if request.param == "node":
-        return json.loads(by_node(asked))
-    page = request.getfixturevalue("browser").new_page()
+@pytest.fixture(scope="module")
+def answered(browser, asked):
+    """What the modules answer, packed as the labs' page has them."""
+    page = browser.new_page()
     page.add_script_tag(content=bundle(TWIN))
     call = "(asked) => JSON.stringify(twin_js.answer(JSON.parse(asked)))"
     return json.loads(page.evaluate(call, json.dumps(asked)))
