@@ -201,9 +201,14 @@ def one_after_the_other(x, y, rate, steps):
 
 
 def stops_early(x, y, rate, steps):
-    fits = [checks.fitted_line.solution(x, y, rate, k) for k in range(steps + 1)]
-    losses = [np.mean((w * x + b - y) ** 2) for w, b in fits]
-    return fits[next((k for k in range(steps) if losses[k + 1] > losses[k]), steps)]
+    fit, best, least = (0.0, 0.0), None, np.inf
+    for _ in range(steps + 1):
+        error = fit[0] * x + fit[1] - y
+        if np.mean(error**2) > least:
+            break
+        best, least = fit, np.mean(error**2)
+        fit = fit[0] - rate * np.mean(2 * error * x), fit[1] - rate * np.mean(2 * error)
+    return best
 
 
 def _value_after_the_end(rewards, terminals, values, n, discount):

@@ -115,14 +115,14 @@ def test_a_submission_that_hangs_ends_in_time(kind, submit):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_submission_ends_with_the_command_that_flies_it(number, submit, tmp_path):
     noted = tmp_path / "pid"
-    text = f"import os, time\nopen({str(noted)!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)"
+    text = f"import os, time\nopen({str(noted)!r}, 'w').write(str(os.getpid()))\ntime.sleep(600)"
     command = [sys.executable, "-m", "uavdh_lite", "challenge", "score", submit(text)]
-    process = subprocess.Popen([*command, "--scenario", "village"])
-    while not noted.exists() or not noted.read_text():
-        assert process.poll() is None
-        time.sleep(0.1)
-    process.send_signal(number)
-    assert process.wait(20) == 130
+    with subprocess.Popen([*command, "--scenario", "village"]) as process:
+        while not noted.exists() or not noted.read_text():
+            assert process.poll() is None
+            time.sleep(0.1)
+        process.send_signal(number)
+        assert process.wait(200) == 130
     with pytest.raises(ProcessLookupError):
         os.kill(int(noted.read_text()), 0)
 
