@@ -10,8 +10,8 @@ from uavdh_lite.training import BIN
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_events_are_the_rows_of_the_tables(tmp_path, trainer):
-    run = {"steps": 4 * BIN, "environments": 32, "validation_interval": BIN}
-    train(trainer(**run), tmp_path, tensorboard=True, stop_after=2 * BIN)
+    run = {"steps": 2 * BIN, "environments": 32, "validation_interval": BIN}
+    train(trainer(**run), tmp_path, tensorboard=True, stop_after=BIN)
     train(trainer(**run), tmp_path, tensorboard=True, resume=True)
     found = EventAccumulator(str(tmp_path / "tensorboard"))
     found.Reload()
