@@ -259,7 +259,7 @@ def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(finished
         time.sleep(0.01)
     time.sleep(np.random.default_rng().random() / 5)
     process.send_signal(number)
-    _, message = process.communicate(timeout=300)
+    _, message = process.communicate(timeout=200)  # idle workers would stay for 300
     for _ in range(600):
         if not training_processes(tmp_path):
             break
