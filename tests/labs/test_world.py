@@ -6,6 +6,8 @@ If one of these fails after a change in Python, make the same change in `labs/wo
 
 import base64
 import json
+import shutil
+import subprocess
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -43,7 +45,7 @@ CITIES = (
 )
 SCENARIO = Scenario("twin", devices=(1, 4), data=(0.0, 20.0), flying_time=(1, 60))
 TRANSITIONS = 20_000
-STATES = 150  # of each agent
+STATES = 500  # of each agent over its city, or 100 over each of several
 SAME = "labs/world.js or labs/pilots.js do not do what Python does: make the same change there"
 
 
@@ -183,7 +185,8 @@ def agents(tmp_path_factory):
         several = len(agent.cities) > 1  # then a smaller city, too
         known = ("manhattan", "village", *PLACES) if several else (agent.city.name,)
         for city in (city for city in CITIES if city.name in known):
-            state = draw_states(agent.over(city).environment, agent.scenario, STATES, 7)
+            count = STATES // 5 if several else STATES
+            state = draw_states(agent.over(city).environment, agent.scenario, count, 7)
             values = agent.over(city).q_values(state).numpy()
             cases.append((content, city, state, values))
     return cases
@@ -235,6 +238,23 @@ def answered(browser, asked):
     page.add_script_tag(content=bundle(TWIN))
     call = "(asked) => JSON.stringify(twin_js.answer(JSON.parse(asked)))"
     return json.loads(page.evaluate(call, json.dumps(asked)))
+
+
+def test_node_gives_the_same_answers(asked, answered):
+    if shutil.which("node") is None:
+        pytest.skip("needs node")
+    program = f"""
+        import {{ answer }} from {json.dumps(TWIN.as_uri())};
+        import {{ readFileSync }} from "node:fs";
+        process.stdout.write(JSON.stringify(answer(JSON.parse(readFileSync(0)))));
+    """
+    part = asked | {"agents": [], "states": asked["states"][:1000]}
+    command = ["node", "--input-type=module", "--eval", program]
+    done = subprocess.run(command, input=json.dumps(part), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    expected = answered | {"valued": [], "stepped": answered["stepped"][:1000]}
+    near = {"parse_float": lambda number: round(float(number), 6)}
+    assert json.loads(done.stdout, **near) == json.loads(json.dumps(expected), **near)
 
 
 def test_transitions_are_the_same(flown, answered):
