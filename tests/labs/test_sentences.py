@@ -1,5 +1,7 @@
 """What is said of flights is what the flights did: facts, and the sentences made of them."""
 
+import base64
+import json
 import re
 from dataclasses import replace
 from itertools import pairwise
@@ -10,7 +12,7 @@ import pytest
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment
 from uavdh_lite.labs.page import recorded_races
-from uavdh_lite.missions import HandFlight, Mission
+from uavdh_lite.missions import HandFlight, Mission, as_json
 from uavdh_lite.scenario import find_scenario
 
 NORTH, EAST, SOUTH, WEST, HOVER, LAND = range(6)
@@ -22,7 +24,8 @@ const say = words_js.sentence;"""
 # Where a flight was flown: home is everywhere, and another action would bring 2 units
 WHERE = """{ mission: { fading: () => 0, devices: [] }, environment: { timeToLand: Array(9).fill(0),
     drawFading: () => 0,
-    transition: () => ({ state: { uavCell: 0 }, outcome: { uploaded: [2] } }) } }"""
+    transition: () => ({ state: { uavCell: 0, dataLeft: [9] },
+        outcome: { uploaded: [2], intervened: false } }) } }"""
 
 
 def flown(*cells, left=None, **more):
@@ -170,7 +173,7 @@ def test_sentences_speak_to_the_reader(modules):
     facts = """[
       { kind: "part", step: 3,
         acts: [{ who: you, action: "land", refused: true }, { who: one, action: "hover" }],
-        ends: [{ who: you, device: 1, by: 7, amount: 2.84 }, { who: one, home: true }] },
+        ends: [{ who: you, by: 7, given: [0.96, 2.84, 0.04] }, { who: one, home: true }] },
       { kind: "spends", who: you, spent: { brings: 4, idle: 9 }, other: one,
         others: { brings: 3, idle: 2 }, stretches: [], hovers: 0, turns: 0 },
       { kind: "spends", who: one, spent: { brings: 1, idle: 40 }, other: you,
@@ -185,8 +188,8 @@ def test_sentences_speak_to_the_reader(modules):
         { who: one, stretches: [[14, 29]], hovers: 9, turns: 7 }] },
       { kind: "crash", who: one, other: you }]"""
     assert modules(f"() => {{ {WHO} return {facts}.map(say); }}") == [
-        "At step 4, you are refused the landing and get 2.8 units from device 1 "
-        "by step 7, while one hovers and goes home.",
+        "At step 4, you are refused the landing and get 3.8 units by step 7 "
+        "(2.8 from device 1, 1.0 from device 0), while one hovers and goes home.",
         "Apart from landing, you take 4 steps that bring 0.1 units or more and 9 that do not; "
         "one takes 3 and 2.",
         "Apart from landing, one takes 1 step that brings 0.1 units or more and 40 that do not, "
@@ -333,6 +336,9 @@ def check_level(verdict, names, flights):
     )
 
 
+PARTS = r"([\d.]+) (?:units )?from device (\d)"
+
+
 def check_duel(scene, wanted):
     panel, flights = scene["panel"], scene["film"]["flights"]
     ahead = panel["results"][0]["return"] - panel["results"][1]["return"]
@@ -343,21 +349,27 @@ def check_duel(scene, wanted):
     check_level(panel["verdict"], names, flights)
     part, why = panel["parting"], " ".join(panel["why"])
     assert part in panel["look"]
-    act = rf"At step {part + 1}, .*( gets | goes home)"  # alone, other acts are no reason
-    assert re.match(act, why) or "At step" not in why
-    soon, gifts = [], []
-    for flight in flights:
-        before = flight["left"][part][:-1]
-        given = [[a - b for a, b in zip(before, left[:-1], strict=True)] for left in flight["left"]]
-        when = next((k for k in range(part, len(given)) if max(given[k]) >= 2), None)
-        gifts += [(when, given)] * (when is not None)
-    by = max((when for when, _ in gifts), default=0)  # two amounts are of the same steps
-    for _, given in gifts:
-        most = max(there := given[min(by, len(given) - 1)])
-        soon.append([pytest.approx(most, abs=0.051), there.index(most), by])
-    told = re.findall(r"gets ([\d.]+) units from device (\d) (?:by step (\d+)|in this step)", why)
-    clauses = [[float(amount), int(device), int(step or part + 1)] for amount, device, step in told]
-    assert clauses == soon or (not clauses and len({device for _, device, _ in soon}) <= 1)
+    assert re.match(f"At step {part + 1}, .*, while ", why)  # first what is at the ring
+    gifts = [
+        np.subtract(each["left"][part][:-1], np.array(each["left"])[:, :-1]) for each in flights
+    ]
+    much = [
+        next((k for k, each in enumerate(it) if k > part and max(each) >= 2), 0) for it in gifts
+    ]
+    by = max(much)  # two amounts are of the same steps
+    clauses = re.match(r"At step \d+, (.*?), while (.*?)\.(?: |$)", why).groups()
+    given = [it[min(by, len(it) - 1)] for it in gifts]
+    for some, clause in zip(given, clauses, strict=True):
+        if "gets" in clause:
+            assert re.search(rf"by step {by}\b" if by > part + 1 else "in this step", clause)
+            named = {int(k): float(it) for it, k in re.findall(PARTS, clause)}
+            total = float(re.search(r"gets ([\d.]+) units", clause)[1])
+            assert total == pytest.approx(sum(named.values()))
+            assert [named.get(k, 0) for k in range(len(some))] == pytest.approx([*some], abs=0.051)
+    if any("gets" in clause for clause in clauses):
+        assert all("gets" in it for it, when in zip(clauses, much, strict=True) if when)
+    else:
+        assert len({it.argmax() for it, when in zip(given, much, strict=True) if when}) < 2
     moves = [[*pairwise(flight["path"])] for flight in flights]
     ways = [[[b - a for a, b in zip(*move, strict=True)] for move in each] for each in moves]
     same = [one == other for one, other in zip(*ways, strict=False)]
@@ -410,22 +422,53 @@ def check_duel(scene, wanted):
 
 
 def brought(environment, mission, actions):
-    """Data units that the last of these actions brings, and the state after it."""
+    """Data units that the last of these actions brings, the state after it, if it is refused."""
     flight = HandFlight(environment, mission)
-    return float([flight.step(action) for action in actions][-1].uploaded.sum()), flight.state
+    last = [flight.step(action) for action in actions][-1]
+    return float(last.uploaded.sum()), flight.state, bool(last.intervened)
 
 
-@pytest.mark.parametrize("number", range(4))
-def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
-    tell("city", name="manhattan")
-    for _ in range(number):
-        tell("new")
+def check_beside(environment, name, compared, states, costs):
+    """What is said of the second best action; whether it is said to be better."""
+    cells = [int(state.uav_cell[0]) for state in states]
+    if states[1].landed[0]:
+        assert compared.endswith(", but after land the flight is over")
+        return False
+    farther = int(np.subtract(*environment.time_to_land[0, cells[::-1]]))
+    here, there = (environment.sight[0, states[0].device_cells[0], cell] for cell in cells)
+    some = states[0].data_left[0] >= 0.05
+    hidden, seen = (np.flatnonzero(each & some) for each in (here & ~there, there & ~here))
+    for how, sign in (("longer", 1), ("shorter", -1)):
+        said = re.search(rf"the way home is (\d+) steps? {how}", compared)
+        assert int(said[1] if said else 0) == max(sign * farther, 0)
+    for how, devices in (("hidden", hidden), ("in sight", seen)):
+        said = re.search(rf"(device \d(?:(?:, | and )device \d)*) (?:is|are) {how}", compared)
+        assert re.findall(r"\d", said[1] if said else "") == [*map(str, devices)]
+    assert (costs > 0) == (f"{name} would be refused, which costs 1" in compared)
+    assert (costs < 0) == (f"{name} would cost 1 less" in compared)
+    likes = farther < 0 or len(seen) or costs < 0
+    alone = cells[0] == cells[1] or max(state.data_left.sum() for state in states) < 0.05
+    sure = compared.endswith("the network misjudges this")
+    if farther > 0 or len(hidden) or costs > 0:
+        assert ", but " in compared and not sure
+    else:
+        unknown = compared.endswith(f": this page cannot tell why {name} is behind")
+        assert sure == bool(likes and alone)
+        assert unknown == (not likes and " more " not in compared)
+    return sure
+
+
+# One chooses what is worse in all, one is refused and so is the second best of another
+@pytest.mark.parametrize(("number", "worse"), [(0, 0), (1, 0), (24, 0), (360, 1), (388, 1)])
+def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number, worse):
+    mission = Mission.draw(find_scenario("manhattan"), load_city("manhattan"), number)
+    content = base64.b64encode(json.dumps(as_json(mission)).encode()).decode()
+    tell("open", name="mission.json", base64=content)
     scene = tell("tool", tool="think")
     panel, (flight,) = scene["panel"], scene["film"]["flights"]
     left, path = flight["left"], flight["path"]
     assert any("because device" in each for each in panel["says"])
-    mission = Mission.draw(find_scenario("manhattan"), load_city("manhattan"), number)
-    environment, done = Environment(mission.city), []
+    environment, done, sure = Environment(mission.city), [], 0
     for step, text in enumerate(panel["says"]):
         values = panel["values"][step]
         best, second = sorted(values, reverse=True)[:2]
@@ -434,9 +477,10 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
         gap, name, compared = re.search(r"([\d.]+) ahead of (\w+)(.*)\.$", text).groups()
         assert float(gap) == pytest.approx(best - second, abs=0.051) or best - second < 0.01
         assert name == panel["actions"][other]
-        (brings, after), (instead, there) = (
+        (brings, after, *lost), (instead, there, other_lost) = (
             brought(environment, mission, [*done, each]) for each in (action, other)
         )
+        lost.append(other_lost)
         done.append(action)
         if "neither" in compared:
             assert max(brings, instead) < 0.051
@@ -446,18 +490,9 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
             assert next(likes[each] for each in likes if f" {each} " in compared) > 0.001
             assert "much" not in compared or brings == pytest.approx(instead, abs=0.101)
         assert bool(compared) or not ("close call" in text or "in this step" in text)
-        if compared and ", not " not in compared:  # what else is different after the other action
-            cells = [int(state.uav_cell[0]) for state in (after, there)]
-            farther = int(np.subtract(*environment.time_to_land[0, cells[::-1]]))
-            sees, sight = (environment.sight[0, after.device_cells[0], cell] for cell in cells)
-            hidden = np.flatnonzero(sees & ~sight & (after.data_left[0] >= 0.05)).tolist()
-            if over := bool(there.landed[0]):
-                assert compared.endswith(", but after land the flight is over")
-            said = re.search(r"the way home is (\d+) steps? longer", compared)
-            assert over or int(said[1] if said else 0) == max(farther, 0)
-            assert over or [int(each) for each in re.findall(r"device (\d)", compared)] == hidden
-            unknown = compared.endswith(f"this page cannot tell why {name} is behind")
-            assert unknown == (not over and farther <= 0 and not hidden)
+        assert (" is refused: it stays where it is, which costs 1 of the return" in text) == lost[0]
+        if compared and ", not " not in compared:
+            sure += check_beside(environment, name, compared, (after, there), lost[1] - lost[0])
         found = re.search(
             r"device (\d).* gives ([\d.]+) .*?units (in this|within (\d+)) step", text
         )
@@ -478,6 +513,7 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
                 != ("on the way to" in text or "waiting" in text)
             )
             assert steps > 1 or brings > instead  # else it is no reason
+    assert sure == worse
 
 
 def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules):
@@ -491,7 +527,8 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
     }
     said = f"([flight, what]) => think_js.choices(flight, {WHERE}).map((each) => each[what])"
     calls = flight | {"values": [[5, 1], [5, 4.9], [5, 4.9]], "states": [0, 0, 0]}
-    told = {"brings": 9, "instead": 2, "over": None, "home": 0, "hidden": []}
+    told = {"brings": 9, "instead": 2, "over": None, "home": 0, "hidden": [], "seen": []}
+    told |= {"costs": 0, "alone": False}
     assert modules(said, [calls, "both"]) == [None, told, None]
     waits = flown(0, 0, 1, 2, left=[9, 9, 9, 0]) | {"values": [[5, 1]] * 3, "states": [0, 0, 0]}
     gives = {

@@ -92,17 +92,17 @@ export function reasons(who, flights, part, environment) {
   if (part === null) return [{ kind: "same", step: first }];
   const by = Math.max(...flights.map((flight) => muchSince(flight, part))); // both are looked at for as long
   const ends = flights.map((flight, k) => ({ who: who[k], ...towards(flight, part, by) }));
-  const both = ends.some(({ device, by }, k) => // the other, of which nothing is said, leaves as little there
-    by && !ends[1 - k].by && leftAt(flights[1 - k], by)[device] - leftAt(flights[k], by)[device] < ENOUGH);
+  const both = ends.some(({ device }, k) => // the other, which gets little, leaves as little there
+    device !== undefined && ends[1 - k].device === undefined && leftAt(flights[1 - k], by)[device] - leftAt(flights[k], by)[device] < ENOUGH);
   const apart = !both && (ends[0].device !== ends[1].device || ends[0].home !== ends[1].home);
   const acts = flights.map((flight, k) => ({ who: who[k], ...acted(flight, part) }));
-  const parts = { kind: "part", step: part, acts, ends: apart ? ends : null, look: part };
-  const facts = apart ? [parts] : [];
+  const differ = apart || flights[0].action[part] !== flights[1].action[part];
+  const facts = differ ? [{ kind: "part", step: part, acts, ends: apart ? ends : null, look: part }] : [];
   if (first >= 0 && first < part) {
     const far = Array.from({ length: part - first }, (_, k) => cellsApart(...flights.map(({ uavCell }) => uavCell[first + 1 + k]), environment.size));
     facts.push({ kind: "first", step: first, part, near: Math.max(...far) <= NEAR, ahead: aheadAt(who, flights, part), look: first });
   }
-  if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts.length ? facts : [parts]; // one is in the air
+  if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts; // one is in the air
   const behind = sum(flights[0].reward) < sum(flights[1].reward) ? 0 : 1;
   const about = { who: who[behind], other: who[1 - behind] };
   const [late, ahead] = [flights[behind], flights[1 - behind]];
@@ -135,7 +135,8 @@ export function reasons(who, flights, part, environment) {
     facts.push({ kind: "leaves", devices, unused, used: flights[fewer].landed && spare === 0, turns: later ? turns : null, loser, winner, look: winner.first < 0 ? undefined : winner.first });
   }
   if (last) facts.push({ kind: "lasts", ends: last });
-  return facts.length ? facts : [devices.some(({ more }) => Math.abs(more) >= ENOUGH) ? parts : { kind: "ways", step: part }];
+  const alike = facts.every(({ kind }) => kind === "part") && !apart && devices.every(({ more }) => Math.abs(more) < ENOUGH);
+  return alike ? [...facts, { kind: "ways", step: part }] : facts;
 }
 
 /**
@@ -280,15 +281,13 @@ const givenBy = (flight, step, by) => Array.from(leftAt(flight, step), (each, k)
 const muchSince = (flight, step) =>
   flight.dataLeft.findIndex((_, by) => by > step && Math.max(...givenBy(flight, step, by)) >= MUCH);
 
-/** The device that gives most up to the step `by`, and the amount, or whether it goes straight home. */
+/** The device that gives most up to the step `by`, where it is much, and what each gives, or whether it goes straight home. */
 function towards(flight, step, by) {
-  if (muchSince(flight, step) > 0) {
-    const given = givenBy(flight, step, by);
-    const amount = Math.max(...given);
-    return { device: given.indexOf(amount), by, amount };
-  }
+  const given = by > 0 ? givenBy(flight, step, by) : [];
+  if (muchSince(flight, step) > 0) return { device: given.indexOf(Math.max(...given)), by, given };
   const way = Array.from(flight.uavCell.slice(step, -1)); // without the step that lands
-  return { home: flight.landed && way.length > 1 && new Set(way).size === way.length };
+  const home = flight.landed && way.length > 1 && new Set(way).size === way.length;
+  return { by, given: home ? [] : given, home };
 }
 
 /** Whether flights with these results are the duel that was asked for: 1, −1 or, level, 0. */

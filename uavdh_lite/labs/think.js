@@ -50,23 +50,27 @@ export function choices(flight, { mission, environment }) {
       gap: Number.isFinite(gap) ? gap : null,
       second: ACTIONS[second],
       close,
-      both: close || now ? { brings, instead, ...behind(flight, step, other.state, { mission, environment }) } : null,
+      both: close || now ? { brings, instead, ...beside(flight, step, other, { mission, environment }) } : null,
     };
   });
 }
 
 /**
- * What speaks against the second best action, in the state to which it leads: it is `over`, `home` is so many steps farther, and
- * devices with data left are `hidden` that the best action sees.
+ * What is different after the second best action: it is `over`, `home` is so many steps farther, devices with data left are `hidden`
+ * that the best action sees, or `seen` that it does not, and it `costs` so many refusals more. `alone`: nothing else can matter.
  */
-function behind({ uavCell, dataLeft }, step, { uavCell: there, landed }, { mission, environment }) {
-  const [here, left] = [uavCell[step + 1], dataLeft[step + 1]];
-  const hides = (device) => {
-    const sight = environment.sight(environment.city.cell(device));
-    return sight[here] && !sight[there];
+function beside({ uavCell, dataLeft, intervened }, step, { state, outcome }, { mission, environment }) {
+  const [here, there, left] = [uavCell[step + 1], state.uavCell, dataLeft[step + 1]];
+  const sees = (k, cell) => environment.sight(environment.city.cell(mission.devices[k]))[cell];
+  const only = (one, other) => [...mission.devices.keys()].filter((k) => left[k] >= NONE && sees(k, one) && !sees(k, other));
+  return {
+    over: state.landed,
+    home: environment.timeToLand[there] - environment.timeToLand[here],
+    hidden: only(here, there),
+    seen: only(there, here),
+    costs: outcome.intervened - intervened[step],
+    alone: here === there || [left, state.dataLeft].every((each) => sum(each) < NONE),
   };
-  const hidden = [...mission.devices.keys()].filter((k) => left[k] >= NONE && hides(mission.devices[k]));
-  return { over: landed, home: environment.timeToLand[there] - environment.timeToLand[here], hidden };
 }
 
 function reasonOf(flight, step, timeToLand, otherwise, more) {

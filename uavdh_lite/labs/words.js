@@ -36,12 +36,15 @@ function act({ who, action, refused }) {
   return { hover: says(who, "hovers"), land: says(who, "lands") }[action] ?? says(who, "flies", action);
 }
 
-const towards = ({ device, by, amount, home, who }, step) =>
-  device !== undefined
-    ? ` and ${who.you ? "get" : "gets"} ${units(amount)} units from device ${device} ${by > step + 1 ? `by step ${by}` : "in this step"}`
-    : home
-      ? ` and ${who.you ? "go" : "goes"} home`
-      : "";
+/** What comes of a step: all that it brings up to the step `by`, or that it leads home. */
+function towards({ by, given = [], home, who }, step) {
+  const shown = given.map((amount, device) => [amount.toFixed(1), device]).filter(([amount]) => Number(amount)).sort(([one], [other]) => other - one);
+  if (!shown.length) return home ? ` and ${who.you ? "go" : "goes"} home` : "";
+  const all = shown.reduce((total, [amount]) => total + Number(amount), 0).toFixed(1); // adds up as it is shown
+  const parts = shown.map(([amount, device]) => `${amount} from device ${device}`).join(", ");
+  const when = by > step + 1 ? `by step ${by}` : "in this step";
+  return ` and ${who.you ? "get" : "gets"} ${shown.length > 1 ? `${all} units ${when} (${parts})` : `${all} units from device ${shown[0][1]} ${when}`}`;
+}
 
 /** A sentence for each kind of fact. Steps are counted from 0 in facts and from 1 in sentences. */
 const TEMPLATES = {
@@ -180,7 +183,7 @@ const TEMPLATES = {
 const nothingLeft = (since) => (since ? `nothing has been left to collect since step ${since}` : "all data is collected");
 
 const REASONS = {
-  refused: () => ", which is refused: it stays where it is",
+  refused: () => ", which is refused: it stays where it is, which costs 1 of the return",
   idle: ({ since }) => `, though ${nothingLeft(since)}`,
   stays: ({ until, amount, rest }) =>
     `, which ${until ? `up to step ${until} ` : ""}brings ${amount < 0.05 ? "hardly any" : amount.toFixed(1)} of the ${rest.toFixed(1)} units that are left`,
@@ -198,16 +201,22 @@ const REASONS = {
   },
 };
 
-/** What the second best action would bring in the same step as the best, and if that is no less, what else speaks against it. */
-function comparison({ brings, instead, over, home, hidden }, second) {
+/** What the second best action would bring in the same step as the best, and if that is no less, what else speaks against it and for it. */
+function comparison({ brings, instead, over, home, hidden, seen, costs, alone }, second) {
   const [here, there] = [brings, instead].map((each) => each.toFixed(1));
-  if (Number(there) < Number(here)) return `, which would bring ${there} units in this step, not ${here}`;
-  const farther = home > 0 && `the way home is ${steps(home)} longer`;
-  const out = hidden.length && `${listed(hidden.map((device) => `device ${device}`))} ${hidden.length > 1 ? "are" : "is"} hidden`;
-  const against = over ? "the flight is over" : [farther, out].filter(Boolean).join(" and ");
-  const why = against ? `but after ${second} ${against}` : `this page cannot tell why ${second} is behind`;
-  if (there === "0.0") return `; neither brings anything to speak of in this step${against ? "," : ":"} ${why}`;
-  return `, which would bring ${there === here ? `as much in this step, ${there}` : `more in this step, ${there}`} units${against ? "," : ":"} ${why}`;
+  if (Number(there) < Number(here)) return `, which would bring ${there} units in this step, not ${here}${costs < 0 ? ", but would cost 1 less" : ""}`;
+  const sight = (all, how) => all.length && `${listed(all.map((device) => `device ${device}`))} ${all.length > 1 ? "are" : "is"} ${how}`;
+  const way = (how) => `the way home is ${steps(Math.abs(home))} ${how}`;
+  const said = (mark, ...told) => told.filter(Boolean).join(mark);
+  const after = (...told) => told.some(Boolean) && `after ${second} ${said(" and ", ...told)}`;
+  const against = over ? after("the flight is over")
+    : said(", and ", after(home > 0 && way("longer"), sight(hidden, "hidden")), costs > 0 && `${second} would be refused, which costs 1`);
+  const likes = over ? "" : said(", and ", costs < 0 && `${second} would cost 1 less`, after(home < 0 && way("shorter"), sight(seen, "in sight")));
+  const more = Number(there) > Number(here);
+  const end = against ? `, but ${against}${likes && `; on the other hand, ${likes}`}`
+    : likes ? (alone ? `, and ${likes}: the network misjudges this` : `, though ${likes}`)
+      : more ? "" : `: this page cannot tell why ${second} is behind`;
+  return `${there === "0.0" ? "; neither brings anything to speak of in this step" : `, which would bring ${more ? "more" : "as much"} in this step, ${there} units`}${end}`;
 }
 
 /** The sentence of a fact. */
