@@ -170,8 +170,10 @@ def test_every_tool_fits_its_window(page):
             needs = (".map svg", ".flight .says", "h2", ".play")
         for needed in needs:
             assert visible(page, needed), (at, needed)
-        if at == ("phone", "Compare"):  # a sign says that the panel goes on, up to its end
-            signs = page.locator(".tool").evaluate(
+        if size in ("phone", "doubled") and title == "Compare":  # a sign says that a panel goes on
+            if size == "doubled":
+                press(page, "More")
+            signs = page.locator(".tool" if size == "phone" else ".drawer").evaluate(
                 """async each => {
                     const drawn = () => new Promise((done) => requestAnimationFrame(
                         () => requestAnimationFrame(done)));
@@ -184,7 +186,8 @@ def test_every_tool_fits_its_window(page):
                     return signs;
                 }"""
             )
-            assert signs == ["0", "1"]
+            assert signs == ["0", "1"], at
+            page.keyboard.press("Escape")
         expect(page.locator(".tool .legend")).to_have_count(1)
         violet = page.locator(".legend span", has_text="shadow").is_visible()
         assert violet == (title != "Channel"), at  # where shadows have a white edge
@@ -263,6 +266,9 @@ def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(brows
         )
         go = page.get_by_role("button", name="Go on")
         expect(go).to_be_focused()
+        for _ in range(2):  # it goes on in full screen
+            page.locator(".full").press("Enter")
+        go.focus()
         page.keyboard.press("Enter")
         expect(page.locator(".controls output")).not_to_have_text(re.compile("^0 of"))
         page.keyboard.press("Enter")  # while it plays, a second press does nothing
@@ -555,7 +561,7 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
     expect(page.locator(".here")).to_contain_text(f"device 0, {full} units left")  # none is flown
     page.mouse.move(*place(page, 6, 4))
     expect(page.locator(".map .shadow.live")).to_have_attribute("d", re.compile("M3.5 2.5"))
-    page.mouse.move(*(page.locator(".tool h2").bounding_box()[each] + 5 for each in "xy"))
+    page.mouse.move(*(page.locator(".tool p").first.bounding_box()[each] + 5 for each in "xy"))
     expect(page.locator(".map .shadow.live")).to_have_attribute("d", "")  # no pointer is there
     page.mouse.click(*place(page, row, col))
     expect(page.locator(".refusal")).to_contain_text("Not painted: device 0 is there.")
@@ -568,6 +574,8 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
     expect(page.locator(".warning")).to_contain_text("outside the landing zone")
     assert visible(page, ".warning")  # though the palette is long,
     assert page.locator(".swatches").bounding_box() == swatches  # which does not jump
+    page.set_viewport_size({"width": 683, "height": 425})
+    assert visible(page, ".warning")
 
 
 def test_a_real_place_is_chosen_and_flown_by_its_table(page):
@@ -786,7 +794,7 @@ def test_an_address_opens_the_same_in_another_browser(browser, address, page):
         page.mouse.click(*place(page, 15, 15))
         expect(page.locator(".map .held")).to_have_count(count)
     page.mouse.move(*place(page, 3, 3))
-    held = re.compile("Row 15, column 15.* Held: press the cell again to let it go")
+    held = re.compile("Row 15, column 15.* Held: press the cell again, or Escape, to let it go")
     expect(page.locator(".sentence")).to_contain_text(held)
     page.wait_for_timeout(600)
     label = page.locator(".map g[data-device='0']").get_attribute("aria-label")
@@ -834,9 +842,24 @@ def test_back_returns_to_the_mission_and_the_tool_before(page):
         page.evaluate(f"history.{way}()")
         expect(label).to_have_attribute("aria-label", seen[there][0])
         expect(tab).to_have_text(seen[there][1])
+    open_tool(page, "Fly")
+    for count in (1, 2):
+        page.keyboard.press(" ")
+        expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
+    page.wait_for_timeout(600)
+    page.go_back()
+    expect(tab).to_have_text("Think")
+    open_tool(page, "Fly")  # which has kept the flight
+    expect(page.locator(".controls output")).to_have_text("2 of 2")
 
 
 def test_files_are_saved_opened_and_dropped(page, tmp_path):
+    press(page, "More")
+    for name in ("Save", "close"):  # the focus is never behind it
+        expect(page.locator(".drawer[open]")).to_have_count(1)
+        page.locator(".drawer").get_by_role("button", name=name, exact=True).focus()
+        page.keyboard.press("Shift+Tab")
+    expect(page.locator(".drawer[open]")).to_have_count(0)
     press(page, "More")
     with page.expect_download() as saved:
         press(page, "Save")

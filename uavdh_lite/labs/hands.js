@@ -143,7 +143,7 @@ export function attend(stage) {
     const target = pressed(event).closest("button, [data-ask], .term, .refusal");
     if (!target) return;
     const { ask: asked, tool: name, sign, set } = target.dataset;
-    if (!target.matches(".skip, .go, .play, .forward, .back")) stage.endStory();
+    if (!target.matches(".skip, .go, .play, .forward, .back, .full")) stage.endStory();
     const does_ = Object.keys(does).find((each) => target.classList.contains(each));
     if (asked) [JSON.parse(asked)].flat().forEach(ask);
     else if (name) ask({ kind: "tool", tool: name });
@@ -260,6 +260,7 @@ export function attend(stage) {
     const { devices, start } = stage.scene.state;
     if (target.matches(".map svg:focus-visible")) pointAt(stage.hovered ?? left ?? start);
     else if (target.matches(".map g[data-device]:focus-visible")) pointAt(devices[target.dataset.device]?.cell ?? start);
+    if (target.matches(":focus-visible:not(.drawer *)") && !el.classList.contains("adding")) find(".drawer").close(); // it would hide the focus
   });
   el.addEventListener("focusout", ({ target, relatedTarget }) => {
     if (target.matches(".map svg")) left = stage.hovered;

@@ -520,8 +520,9 @@ export class Session {
       const { mission } = this.stage;
       const known = JSON.stringify(mission.asJson()) === JSON.stringify(stage.mission.asJson());
       const begins = here && this.history.length === 1;
+      const flown = here && file && known && !begins ? this.stage.flown : stage.flown; // Back leaves a flight of the same mission as it is
       this.filmed = null; // so that its step is shown, though the flights may be the same
-      this.take(known ? { ...stage, mission } : stage, "open");
+      this.take(known ? { ...stage, mission, flown } : stage, "open");
       if (begins && past) this.recall(past);
       else if (begins && this.at > 0) [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
       const who = stage.policies.map((name) => whoIs(name, this.agents));

@@ -125,7 +125,7 @@ export const TOOLS = {
         <td>${signed(each.ahead)} <small>${escaped(each.ghost)}</small></td><td>${each.landed ? each.collected.toFixed(1) : "crashed"}</td></tr>`;
       const table = ranking.length
         ? `<table class="ranking"><caption>Your flights, the best first</caption>
-            <tr><th></th><th>city</th><th>time given</th><th>${term("return")} against ghost</th><th>data</th></tr>
+            <tr><th></th><th>city</th><th>time given</th><th>ahead of the ghost by</th><th>data</th></tr>
             ${ranking.map(rank).join("")}</table>`
         : "";
       const meet = [{ kind: "policy", which: 1, name: rival.name }, { kind: "policy", which: 0, name: "you" }, { kind: "tool", tool: "compare" }];
@@ -141,7 +141,7 @@ export const TOOLS = {
       const there = KINDS[city[row + down]?.[col + right]];
       const inTheWay = there ? `a ${there.name}` : "the edge of the city";
       const why = action === "land" ? "you can only land on blue cells" : inTheWay;
-      return `<b>Refused: ${action}</b>, ${why}. One unit of time is gone.`;
+      return `<b>Refused: ${action}</b>, ${why}. It costs a unit of time and 1 of the return.`;
     },
     help: (you, rival) => `<h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land on a blue cell in time. Press the
@@ -306,7 +306,7 @@ export const TOOLS = {
       const amount = `${units(panel.rate[number])} units a ${term("slot")}${instead}`;
       const brings = panel.traced ? `in the model ${amount}; in flights here, by traced rays, ${units(panel.traced.rate[number])}` : amount;
       stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${brings}.${state.held
-        ? " Held: press the cell again to let it go." : ""}`);
+        ? " Held: press the cell again, or Escape, to let it go." : ""}`);
       const entry = (name, value) => `<tr><th scope="row">${name}</th><td>${value} dB</td></tr>`;
       const lines = [
         [term("SNR at 1 m"), signed(panel.transmit)],
@@ -332,10 +332,10 @@ export const TOOLS = {
         aria-pressed="${sign === brush.sign}"><svg viewBox="-.6 -.6 1.2 1.2" aria-hidden="true"><path class="paper"
         d="M-.5 -.5${SQUARE}"/>${sign === "." ? "" : cells([sign], sign)}</svg>${name.split(":")[0]}</button>`;
       const all = [[".", { name: "open ground" }], ...Object.entries(KINDS)];
-      return `<h2>Paint the city</h2><p>Draw with the pointer, and drag devices where you want them; or press Tab to the map,
+      return `<div class="swatches">${all.map(swatch).join("")}</div>
+        <p>Draw with the pointer, and drag devices where you want them; or press Tab to the map,
         move with the arrow keys and paint with space. Violet cells are those that a device at the pointer could
         not see: its ${term("shadow")}. Low buildings cast one, too, though a UAV may fly over them.</p>
-        <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton(scene)}${button("Save as PNG", { kind: "save", what: "png" })}</div>
         <table>${average(scene)}</table>
         ${choosePolicies(scene, "first", "second")}`;
