@@ -228,6 +228,7 @@ def check_shadow(environment, flights, devices, ended, says):
         returns = [sum(flight["reward"]) for flight in (hidden, seen)]
         assert returns[0] <= returns[1] + 1e-4
         sight = environment.sight[0, devices[device]]
+        assert seen["left"][last - 1][device] >= 0.05  # else nobody hears it any more
         assert not sight[hidden["cells"][steps]].any() and sight[seen["cells"][steps]].all()
         there = hidden["cells"][steps][1:]
         free = replace(environment.channel, path_loss_exponent_nlos=2.27)
@@ -257,6 +258,8 @@ def check_shadow(environment, flights, devices, ended, says):
             assert (np.diff(home[step:-1]) < 0).all() and (
                 step == 0 or home[step] >= home[step - 1]
             )
+        expected = f"step {turns[4]}. Think shows what it expected at step {turns[3]}."
+        assert (expected in says) == (fewer == 0)  # greedy does not think
         assert int(turns[1]) == ended - len(flights[fewer]["action"]) > 0
         assert len(flights[1 - fewer]["action"]) > len(flights[fewer]["action"])
     return shadow is not None, turns is not None

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from uavdh_lite.beyond.measured import load_place
 from uavdh_lite.channel import rate
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment
@@ -265,6 +266,14 @@ def test_what_is_wrong_with_a_mission_is_said(tell):
     assert tell("tool", tool="watch")["warnings"] == []  # which is about the village
     tell("tool", tool="compare")
     assert tell("city", name="village")["warnings"] == []
+    tell("city", name="munich")  # where walls let through what the traced rays say
+    (said,) = (it for it in tell("move", device=0, cell=[0, 0])["warnings"] if "Device 0" in it)
+    found = re.search(r"sealed in.*, best over row (\d+), column (\d+): ([\d.]+) units a", said)
+    row, col, amount = found.groups()
+    there = load_place("munich")
+    rates = np.where(there.time_to_land[0] <= 256, there.rate_map(0).ravel(), 0)
+    best = rates[16 * int(row) + int(col)]
+    assert best > 0.94 * rates.max() and best == pytest.approx(float(amount), rel=0.06)  # half dB
 
 
 def test_a_flight_by_hand_is_the_mission_flown_so_and_is_ranked_at_its_end(tell):

@@ -151,7 +151,8 @@ function shadowed(late, ahead, slower, environment) {
   const found = Array.from(late.states[0].deviceCells).flatMap((cell, device) => {
     const [sight, transmit] = [environment.sight(cell), environment.transmitSnrDb];
     const all = (flight, k, sees) => [k, k + 1].every((at) => Boolean(sight[flight.uavCell[at]]) === sees);
-    const together = stretchesOf(Math.min(late.action.length, ahead.action.length), (k) => all(late, k, false) && all(ahead, k, true));
+    const together = stretchesOf(Math.min(late.action.length, ahead.action.length), (k) =>
+      all(late, k, false) && all(ahead, k, true) && ahead.dataLeft[k][device] >= NONE);
     const snr = together.length ? environment.snrMap(cell) : null;
     return together.map(([first, last]) => {
       const there = late.uavCell.slice(first + 1, last + 2).map((at) => snr[at]);

@@ -2,7 +2,7 @@
 
 import { hiddenRows } from "./channel.js";
 import { Greedy, Random, bytesOf } from "./pilots.js";
-import { ACTIONS, Environment, HandFlight, MeasuredEnvironment, kept, sum } from "./world.js";
+import { ACTIONS, Environment, HandFlight, MeasuredEnvironment, kept, rate, sum } from "./world.js";
 import { LETTERS, YOU } from "./state.js";
 
 /**
@@ -126,12 +126,16 @@ function filmedFlight(flight, { city, devices, flyingTime }) {
 export function warnings(environment, { city, start, devices, data, flyingTime }) {
   const sealed = [...city.kinds.keys()].filter((cell) => !city.noFly[cell] && city.landingDistance[cell] < 0);
   const reached = (cell) => city.landingDistance[cell] >= 0;
+  const bestOf = (snrs) => {
+    const best = [...snrs.keys()].filter(reached).reduce((one, other) => (snrs[other] > snrs[one] ? other : one));
+    return { amount: rate(snrs[best]), where: city.position(best) };
+  };
   const facts = [];
   if (sealed.length) facts.push({ kind: "sealed", cells: sealed.length, where: city.position(sealed[0]) });
   devices.forEach((position, device) => {
     const cell = city.cell(position);
     const heard = [...environment.sight(cell).keys()].some((there) => environment.sight(cell)[there] && reached(there));
-    if (!heard) facts.push({ kind: "unheard", device });
+    if (!heard) facts.push({ kind: "unheard", device, traced: environment.meanSnrDb ? bestOf(environment.tracedSnrs(cell)) : null });
     else if (!city.noFly[cell] && !reached(cell)) facts.push({ kind: "unreachable", device });
   });
   if (!city.landing[city.cell(start)]) facts.push({ kind: "outside" });

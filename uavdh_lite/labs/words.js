@@ -108,7 +108,8 @@ const TEMPLATES = {
     const home = turns ? `: ${says(loser.who, "turns", `home at step ${turns[0] + 1}`)}, ${winner.who.subject} at step ${turns[1] + 1}` : "";
     const collects = ({ who, amount, first, last }) =>
       says(who, "collects", amount < 0.1 ? "less than 0.1 units" : `${amount.toFixed(1)} units${first < 0 ? ", but less than 0.1 in each step" : ` ${fromTo(first, last)}`}`);
-    return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${timeUnits(unused)} unused` : used ? ", with all its time used" : ""}${home}. ` +
+    const expected = turns && loser.who.thinks ? `Think shows what it expected at step ${turns[0] + 1}. ` : "";
+    return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${timeUnits(unused)} unused` : used ? ", with all its time used" : ""}${home}. ${expected}` +
       `At device ${devices[0].device}, ${collects(winner)}; ${collects(loser)}.`;
   },
   lasts({ ends }) {
@@ -173,7 +174,10 @@ const TEMPLATES = {
   sealed: ({ cells, where: [row, col] }) =>
     `No way leads from the landing zone to ${cells === 1 ? "" : `${cells} cells of this city, such as `}row ${row}, column ${col}.`,
   unreachable: ({ device }) => `No way leads to device ${device}: it can only be heard from afar.`,
-  unheard: ({ device }) => `Device ${device} is sealed in: it cannot be seen from any cell that the UAV can reach, and what comes through the walls is little.`,
+  unheard: ({ device, traced }) =>
+    `Device ${device} is sealed in: it cannot be seen from any cell that the UAV can reach, ${traced?.amount >= 0.1
+      ? `but by the traced rays it is heard all the same, best over row ${traced.where[0]}, column ${traced.where[1]}: ${units(traced.amount)} units a slot.`
+      : "and what comes through the walls is little."}`,
   late: ({ time, home }) =>
     home > 9999 ? "No way leads from the start to a landing zone."
       : home === time ? `In a flying time of ${time}, it can only ${time > 1 ? "fly home" : "land"}.` : `A flying time of ${time} is too short: the way home alone takes ${home}.`,
