@@ -52,8 +52,7 @@ class Row:
 
     `knows` are some of `KNOWS`: where buildings and zones are; every link's mean rate; the way
     home, flown by the environment when the time just suffices; a planner's moves to copy; a reward
-    to learn from. `agents` is a pattern below `data/agents` with `{}` for the map, or the name of
-    a shipped agent.
+    to learn from. `agents` is a pattern below `data/agents` with `{}` for the map.
     """
 
     name: str
@@ -71,7 +70,7 @@ ROWS = (
     Row("ddqn", ("map", "reward"), agents="ddqn-{}-lite-*"),
     Row("ddqn_failsafe", ("map", "failsafe", "reward"), agents="failsafe-{}-safe-*"),
     Row("ddqn_told", ("map", "mean_rates", "failsafe", "reward"), agents="failsafe-{}-told-*"),
-    Row("any_city", KNOWS, agents="any_city"),
+    Row("any_city", KNOWS, agents="any_city-imitation-*"),
     Row("copy", KNOWS[:-1], agents="copy-{}-copy-*"),
     Row("imitation", KNOWS, agents="imitation-{}-imitation-*"),
     Row("teacher", KNOWS[:2], lambda environment: Genie(environment, beam=1, grow=False)),
@@ -82,8 +81,8 @@ ROWS = (
 
 def policies(row: Row, scenario: str) -> list[str]:
     """A name for each policy of a row: the files of the agents, or the row's own."""
-    if row.policy or row.agents == "any_city":
-        return [row.agents or row.name]
+    if row.policy:
+        return [row.name]
     files = sorted(AGENTS.glob(f"{row.agents.format(scenario)}.safetensors"))
     return [str(path.relative_to(DATA.parent)) for path in files]
 
@@ -102,7 +101,7 @@ def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np
     if row.policy:
         policy = row.policy(environment)
     else:
-        agent = load_agent(DATA.parent / name if "/" in name else name)
+        agent = load_agent(agent_file)
         policy = agent.over(environment.cities)
         environment, steps = policy.environment, agent.training["steps"]
     flights = evaluate(environment, policy, find_scenario(scenario), missions, SEED)
