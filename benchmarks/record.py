@@ -19,6 +19,7 @@ computed changes, have the digest that they had when the study was recorded.
 import argparse
 import io
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -116,11 +117,15 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
                 for i in range(len(columns["steps"])):
                     row = {"variant": variant, "seed": how["seed"]}
                     rows.append(row | {key: _number(v[i]) for key, v in columns.items()})
+            kept = []
             if entry.get("agents", True):
-                agent = AGENTS / f"{study}-{variant}-{how['seed']}.safetensors"
-                rounded(run / "best.safetensors", agent)
+                kept.append(AGENTS / f"{study}-{variant}-{how['seed']}.safetensors")
             if "ships" in entry and how["seed"] == 0:
-                rounded(run / "best.safetensors", SHIPPED / f"{entry['ships']}.safetensors")
+                kept.append(SHIPPED / f"{entry['ships']}.safetensors")
+            if kept:
+                rounded(run / "best.safetensors", kept[0])
+            for other in kept[1:]:  # the same bytes
+                shutil.copyfile(kept[0], other)
     if not about:
         raise InputError(f"{folder}: no runs {' or '.join(entry['runs'].values())}-SEED in it")
     first, usual = next(iter(about.values())), next(iter(recipes.values()))

@@ -234,8 +234,8 @@ for (name, radio), flights in flown.items():
 # failsafe sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city` suffers
 # from the change of model, and only slightly.
 #
-# The recorded runs, made with an earlier version of the program, cover 900 missions (300 for each of three
-# seeds) for each place and model. By how much does the return of `any_city` exceed greedy's?
+# The recorded runs cover 900 missions (300 for each of three seeds) for each place and model. By how much
+# does the return of `any_city` exceed greedy's?
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -260,10 +260,11 @@ for place in (*places, None):
 # %% [markdown]
 # The intervals are for *other missions over these four places*, and say nothing about a fifth place (13.5).
 #
-# The agent's mean return is 32.2 under either model, but under the ray-traced one it loses 0.9 in
-# Munich and 0.6 in Paris, and gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead
-# shrinks, mostly in Munich and Florence. Greedy is told nothing about the channel, so no wrong
-# belief misleads it. How much would the agent gain if it knew the ray-traced rates?
+# The agent's mean return is 32.3 under the paper's model and 32.2 under the ray-traced one, where
+# it loses 0.9 in Munich and 0.6 in Paris, and gains 1.0 in San Francisco. Greedy gains 0.9 on
+# average, so the lead shrinks, mostly in Munich and Florence. Greedy is told nothing about the
+# channel, so no wrong belief misleads it. How much would the agent gain if it knew the ray-traced
+# rates?
 #
 # ## 14.5 World and belief
 #
@@ -286,7 +287,7 @@ for name, belief in beliefs.items():
     print(f"told {name:<10}return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# When told silence, the agent earns far less, probably because in training it never had to find data without
+# When told silence, the agent earns less, probably because in training it never had to find data without
 # being told where it was. The gap between the last two returns is roughly what measuring can gain. But the
 # truth is no upper bound for a network that was never trained with it, and over a hundred missions so small
 # a gap may be chance.
@@ -353,12 +354,12 @@ for radio in worlds:
 
 # %% [markdown]
 # Under the paper's model there is nothing to gain, because there the model is the truth: on average
-# even a single flight gives two lines that are nearly as good as the model's.
+# even a single flight gives two lines that are as good as the model's.
 #
-# Under the ray-traced model, two lines gain next to nothing: with ten flights, they change the return by −1.1 to +0.7,
+# Under the ray-traced model, two lines gain next to nothing: with ten flights, they change the return by −0.8 to +0.3,
 # depending on the survey. What counts is *which* link is bad, and only the second way, with many flights, finds that out.
-# Link by link, ten flights change the return by −0.5 to +1.2; a hundred gain about 60 % of what the truth would gain (95 %
-# interval: 46 to 72 %). That is 0.55 units on a return of 32, gained mostly in Munich.
+# Link by link, ten flights change the return by −0.3 to +0.9; a hundred gain about two thirds of what the truth would gain
+# (95 % interval: 55 to 77 %). That is 0.77 units on a return of 32, gained mostly in Munich and San Francisco.
 #
 # ## 14.7 Before you fly there
 #
