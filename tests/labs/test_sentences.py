@@ -205,7 +205,13 @@ def test_sentences_speak_to_the_reader(modules):
 
 
 @pytest.mark.parametrize("wanted", [1, -1, 0])
-def test_a_duel_is_what_was_asked_for_and_its_reasons_are_what_the_flights_did(tell, wanted):
+def test_a_duel_is_what_was_asked_for_and_its_reasons_are_what_the_flights_did(
+    modules, tell, wanted
+):
+    script = "([wanted, both]) => compare_js.isDuel(wanted, both, 0)"
+    for by, found in ((2.00001, not wanted), (2.1, True)):  # shown, the first is 2.0 and no more
+        both = [RESULT | {"return": RESULT["return"] + by * wanted}, RESULT]
+        assert modules(script, [wanted, both]) is found
     tell("city", name="manhattan")
     for _ in range(3):
         check_duel(tell("duel", wanted=wanted), wanted)

@@ -293,7 +293,7 @@ function towards(flight, step, by) {
 
 /** Whether flights with these results are the duel that was asked for: 1, −1 or, level, 0. */
 export function isDuel(wanted, [first, second], part) {
-  const ahead = first.return - second.return;
+  const ahead = Number((first.return - second.return).toFixed(1)); // as they are shown
   const gained = first.collected - second.collected;
   if (!first.landed && !second.landed) return false;
   return wanted ? wanted * ahead > AHEAD && wanted * gained > -LITTLE : Math.abs(ahead) < LEVEL && part !== null;
