@@ -4,10 +4,10 @@
 
 An argument is an agent, or an agent and a city with a colon between.
 
-Each agent flies 3000 missions of a seed of its own in pairs with greedy, and the first of them in
-pairs with the genie, which takes seconds for a mission over a large city. One row an agent goes to
-data/runs/fresh_missions.csv.gz: means, and differences and shares with their 95 % intervals. Over
-many cities the intervals draw whole cities again.
+Each agent flies 3000 missions of a seed of its own in pairs with greedy, and fewer, which are drawn
+separately, in pairs with the genie, which takes seconds for a mission over a large city. One row an
+agent goes to data/runs/fresh_missions.csv.gz: means, and differences and shares with their 95 %
+intervals. Over many cities the intervals draw whole cities again.
 """
 
 import argparse

@@ -279,9 +279,9 @@ print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 # %% [markdown]
 # Read the interval, and not only the mean: the interval is several points wide, although there were a hundred
 # cities. In 3000 other missions over 300 cities the lead was only 0.7 points, and its interval reached below
-# 0 ([the results](../docs/results/four_ways.md)), so these hundred cities probably suited the agent better
-# than most. To tell so small a lead from luck, even 3000 missions are too few. The agent's return, however,
-# was clearly higher than greedy's there, by 1.9 units (1.6 to 2.3).
+# 0 ([the results](../docs/results/four_ways.md)), so part of the lead here is probably luck. To tell so small
+# a lead from luck, even 3000 missions are too few. The agent's return, however, was clearly higher than
+# greedy's there, by 1.9 units (1.6 to 2.3).
 #
 # ## 13.6 Where it fails
 #

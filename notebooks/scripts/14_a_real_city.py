@@ -230,9 +230,9 @@ for (name, radio), flights in flown.items():
     print(f"{name:<9}{radio:<11}{share:4.0%} collected, return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# The DDQN agent collects almost as much as greedy, but its return is far behind greedy's under either model: it flies until the
-# failsafe sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city` suffers
-# from the change of model, and only slightly.
+# The DDQN agent collects a little less than greedy here, and its return is far behind greedy's under either model: it flies
+# until the failsafe sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city`
+# suffers from the change of model, and only slightly.
 #
 # The recorded runs cover 900 missions (300 for each of three seeds) for each place and model. By how much
 # does the return of `any_city` exceed greedy's?
@@ -339,7 +339,7 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# Correcting link by link changes three in four of the measured hidden links by 3 dB or more, but hardly any links of the device drawn here.
+# Correcting link by link changes seven in ten of the measured hidden links by 3 dB or more, but hardly any links of the device drawn here.
 #
 # How many earlier flights does a good belief require? The recorded runs have twelve *surveys*: sets of earlier flights, one for each seed
 # and place. Here is the agent's lead again (`line` stands for two lines, `link` for link by link; the number counts the flights):
@@ -353,8 +353,8 @@ for radio in worlds:
         print(f"{radio:<11}told {told:<9}{lead.mean():.2f}, by seed {', '.join(surveys)}")
 
 # %% [markdown]
-# Under the paper's model there is nothing to gain, because there the model is the truth: on average
-# even a single flight gives two lines that are as good as the model's.
+# Under the paper's model there is next to nothing to gain, because there the model is the truth: on
+# average even a single flight gives two lines that are as good as the model's.
 #
 # Under the ray-traced model, two lines gain next to nothing: with ten flights, they change the return by −0.8 to +0.3,
 # depending on the survey. What counts is *which* link is bad, and only the second way, with many flights, finds that out.
