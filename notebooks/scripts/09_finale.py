@@ -322,8 +322,7 @@ for name, each in flown.items():
 # python -m uavdh_lite challenge show board.json
 # ```
 #
-# [Run a competition](../docs/teach/class.md#run-a-competition) shows such a file. Greedy is the
-# pilot to beat.
+# [Teach a class](../docs/teach/class.md) shows such a file. Greedy is the pilot to beat.
 #
 # ## Recap
 #
