@@ -322,7 +322,7 @@ for name, each in flown.items():
 # python -m uavdh_lite challenge show board.json
 # ```
 #
-# [Teach a class](../docs/teach/class.md) shows such a file. Greedy is the pilot to beat.
+# A function that returns `Greedy(environment).act(state)` is greedy, the pilot to beat.
 #
 # ## Recap
 #
