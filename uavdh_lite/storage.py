@@ -9,6 +9,7 @@ import os
 import secrets
 import zlib
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -60,12 +61,13 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def write_table(path: str | Path, rows: list[dict]) -> None:
-    """Write rows with equal keys as CSV, compressed if the name ends in `.gz`; None is empty.
+    """Write rows as CSV, compressed if the name ends in `.gz`.
 
-    Floats keep six digits. Equal rows give equal bytes, and a file that has them is left alone.
+    None is empty, and so is a column that other rows have and this one lacks. Floats keep six
+    digits. Equal rows give equal bytes, and a file that has them is left alone.
     """
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer = csv.DictWriter(text, dict.fromkeys(chain.from_iterable(rows)), lineterminator="\n")
     writer.writeheader()
     for row in rows:
         writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})

@@ -39,6 +39,11 @@ def test_a_table_comes_back_and_equal_rows_give_equal_bytes(name, tmp_path):
     assert content.startswith(b"\x1f\x8b") == name.lower().endswith(".gz")
 
 
+def test_a_column_that_only_later_rows_have_is_empty_in_the_others(tmp_path):
+    write_table(tmp_path / "a.csv", [{"steps": 5}, {"steps": 10, "sent_home": 0.5}])
+    np.testing.assert_array_equal(read_table(tmp_path / "a.csv")["sent_home"], [np.nan, 0.5])
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [
