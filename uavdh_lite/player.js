@@ -340,12 +340,12 @@ const deviceSign = ({ number, colour }) =>
   `<g class="device" ${coloured(colour)}>${CROSS}<text>${number}</text></g>`;
 
 // What all signs mean, in the words of `add_legend` in plotting.py.
-export function legend({ city, devices }) {
+export function legend({ city, devices, traced }) {
   const kinds = Object.keys(KINDS).filter((sign) => city.some((row) => row.includes(sign)));
   const move = (width) => `<g transform="translate(-.5)">${arrow(width, 0)}</g>`;
   const entries = [
     ...kinds.map((sign) => [KINDS[sign].name, cells([sign], sign)]),
-    ["shadow: no line of sight to a device", shadow(["#"])],
+    [`shadow: no line of sight to a device${traced ? ", by the model, not by the traced rays of these flights" : ""}`, shadow(["#"])],
     ...devices.map((device) => [`device ${device.number}`, deviceSign({ ...device, number: "" })]),
     ["UAV", `<g class="uav">${UAV}</g>`],
     ["start", START],

@@ -297,6 +297,14 @@ def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(brows
         press(page, "Your turn")
         expect(caption).to_be_hidden()
         assert page.evaluate("document.activeElement.id") == "panel"
+        page.set_viewport_size({"width": 1280, "height": 720})
+        choose(page, "city", "village")
+        open_tool(page, "Fly")
+        assert visible(page, ".tell")
+        press(page, "Tell the story")  # from its beginning, over its own city
+        expect(caption).to_contain_text("Two drones, one mission")
+        expect(page.locator(".controls output")).to_have_text(re.compile("^0 of"))
+        expect(page.locator("[data-set=city]")).to_have_value("manhattan")
 
 
 def test_a_device_is_dragged_and_moved_by_keys_and_both_can_be_undone(page):
@@ -581,6 +589,11 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
 def test_a_real_place_is_chosen_and_flown_by_its_table(page):
     choose(page, "city", "munich")
     expect(page.locator(".place")).to_contain_text("© OpenStreetMap contributors, ODbL")
+    shadow, model = (
+        page.locator(".legend span", has_text="shadow"),
+        "by the model, not by the traced",
+    )
+    expect(shadow).to_contain_text(model)
     open_tool(page, "Channel")
     expect(page.locator(".ledger")).to_contain_text("in flights, from traced rays")
     both = re.compile(
@@ -605,6 +618,7 @@ def test_a_real_place_is_chosen_and_flown_by_its_table(page):
     assert shown == left[: len(shown)] and len(shown) == 5
     choose(page, "city", "village")
     expect(page.locator(".place")).to_have_count(0)
+    expect(shadow).not_to_contain_text(model)
 
 
 def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):

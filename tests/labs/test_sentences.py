@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from uavdh_lite.city import load_city
+from uavdh_lite.city import load_city, moves_from
 from uavdh_lite.environment import Environment
 from uavdh_lite.labs.page import recorded_races
 from uavdh_lite.missions import HandFlight, Mission, as_json
@@ -125,6 +125,25 @@ def test_what_is_said_of_a_parting_is_what_both_do(modules, first, second, said)
     assert said in " ".join(modules(script, [first, second]))
 
 
+@pytest.mark.parametrize(
+    ("walls", "sealed"), [((88, 89, 98), True), ((88, 89, 97), True), ((88, 89), False)]
+)
+def test_who_hovers_long_for_a_device_that_no_cell_sees_is_told_so(modules, walls, sealed):
+    first = flown(0, *[1] * 9, left=[9, *(8.5 - 0.25 * k for k in range(9))], reward=[-1] * 9)
+    second = flown(0, 10, 20, 21, 21, left=[9, 8, 7, 5.5, 5.5])
+    signs = ["L", *("B" if cell in walls else "." for cell in range(1, 100))]
+    text = "\n".join("".join(signs[row : row + 10]) for row in range(0, 100, 10))
+    script = f"""([text, ...both]) => {{ {WHO}
+        const where = new world_js.Environment(world_js.City.fromText("it", text));
+        return compare_js.reasons([one, two], both, 0, where).map(say).join(" "); }}"""
+    said = modules(script, [text, first, second])
+    assert "One hovers from step 2 to 9, for 0.3 units a step" in said
+    assert sealed == (
+        "a step, because device 0 is sealed in: it cannot be seen from any cell that the UAV can "
+        "reach; two flies nearer" in said
+    )
+
+
 def test_steps_without_data_are_counted_and_the_long_stretches_that_lead_nowhere_are_found(modules):
     cells = [0, 1, 2, 1, 2, 2, 2, 2, 2, 2]
     flight = flown(*cells, left=[9, 9, 9, 9, 9, 9, 8, 8, 8, 8])
@@ -152,13 +171,16 @@ VERDICTS = [
      "One wins, because the time runs out before two lands: all that was collected is lost."),
     ({"return": 9, "collected": 9.4}, {"steps": 8},
      "One wins: 4.4 units more, home 2 steps later."),
+    ({"return": 5.1, "collected": 5.04}, {}, "One wins: fewer refusals."),
+    ({"return": 5.04}, {}, "One is ahead by 2.0 in return: fewer refusals."),  # as the rule says
+    ({"return": 3.46, "collected": 5.7, "steps": 11}, {},
+     "One is ahead by 0.5 in return: 0.7 units more, home 1 step later."),
     ({"return": 8.0, "collected": 4.5, "steps": 9}, {},
-     "One wins by 5.0 in return, although it brings 0.5 units less, "
+     "One is ahead by 5.0 in return, although it brings 0.5 units less, "
      "because fewer actions are refused."),
     ({"return": 3.6, "collected": 4.5, "steps": 7}, {},
-     "One wins by 0.6 in return, although it brings 0.5 units less, "
+     "One is ahead by 0.6 in return, although it brings 0.5 units less, "
      "because it is home 3 steps sooner."),
-    ({"return": 3.6, "collected": 5.04}, {}, "One wins: fewer refusals."),
 ]  # fmt: skip
 
 
@@ -523,6 +545,54 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number, wo
             )
             assert steps > 1 or brings > instead  # else it is no reason
     assert sure == worse
+
+
+# In time for 8.5 units; in time at first, then too late; all its time is used
+@pytest.mark.parametrize(("number", "offers"), [(44, {True}), (31, {True, False}), (1, {False})])
+def test_on_the_way_home_is_said_what_could_still_have_been_had_in_time(tell, number, offers):
+    mission = Mission.draw(find_scenario("manhattan"), load_city("manhattan"), number)
+    content = base64.b64encode(json.dumps(as_json(mission)).encode()).decode()
+    tell("open", name="mission.json", base64=content)
+    scene = tell("tool", tool="think")
+    (flight,) = scene["film"]["flights"]
+    environment, size = Environment(mission.city), mission.city.size
+    cells = [row * size + col for row, col in flight["path"]]
+    home, end = environment.time_to_land[0].astype(int), flight["left"][-1]
+    turns = max(
+        [0, *(k + 1 for k, two in enumerate(pairwise(home[cells[:-1]])) if two[1] >= two[0])]
+    )
+    found = set()
+    for step, text in enumerate(scene["panel"]["missed"]):
+        assert bool(text) == (step >= turns)
+        if not text:
+            continue
+        assert text.startswith(f"It leaves {sum(end[:-1]):.1f} units behind")
+        here = cells[step]
+        ways = moves_from(np.arange(size**2).reshape(size, size) == here, ~mission.city.no_fly)
+        ways = np.where(ways < 0, 999, ways).ravel()
+        gains = {}
+        for device, (row, col) in enumerate(mission.devices):
+            each = 4 * environment.rate_map(row * size + col).ravel()
+            for hovers in range(1, int(flight["left"][step][-1]) + 1):
+                longer = ways + hovers + home - home[here]
+                gain = np.minimum(end[device], hovers * each) - 0.2 * longer
+                late = ways + hovers + home > flight["left"][step][-1]
+                gains[device, hovers] = np.where(late, -9, gain), each
+        best = max(gain.max() for gain, _ in gains.values())
+        found.add(best >= 0.5)
+        if best < 0.5:
+            assert "no detour to hover for the data of a device and be home in time" in text
+            continue
+        moves, row, col, hovers, rate, device = re.search(
+            r"(?:fly (\d+) steps? to row (\d+), column (\d+) and hover there|hover here) for "
+            r"(\d+) steps?, for ([\d.]+) units a step from device (\d)",
+            text,
+        ).groups()
+        there = here if moves is None else int(row) * size + int(col)
+        gain, each = gains[int(device), int(hovers)]
+        assert gain[there] == pytest.approx(best, abs=1e-3) and ways[there] == int(moves or 0)
+        assert each[there] == pytest.approx(float(rate), abs=0.051)
+    assert found == offers
 
 
 def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules):

@@ -2,13 +2,13 @@
 
 import { ACTIONS, CHANNEL, LAND, REWARDS, pathLossDb, rate, sum } from "./world.js";
 
-const AHEAD = 2; // of the return: a clear win
+const AHEAD = 2; // of the return: a win
 const LEVEL = 0.5;
 const LITTLE = 0.1; // data units: nothing to speak of
 export const NONE = 0.05; // data units: all is collected
 const ENOUGH = 0.5; // worth a word
 const MUCH = 2; // a reason
-/** What `isDuel` calls a win and level, as a fact; `sooner` counts the steps that make a win of the same data. */
+/** What `verdict` and `isDuel` call a win and level, as a fact; `sooner` counts the steps that make a win of the same data. */
 export const RULE = { kind: "rule", ahead: AHEAD, sooner: Math.floor(AHEAD / -REWARDS.movement) + 1, level: LEVEL };
 const NEAR = 2; // cells between them
 const LONG = 3; // more steps without data than the other's that are worth a word
@@ -58,7 +58,7 @@ export function verdict(who, results) {
   if (results.some(({ steps }) => steps === 0)) return { kind: "empty" };
   if (!results.every(({ ended }) => ended)) return { kind: "air" };
   if (!results.some(({ landed }) => landed)) return { kind: "crashes" };
-  const difference = results[0].return - results[1].return;
+  const difference = lead(results);
   if (Math.abs(difference) < LEVEL) return { kind: "level", ...gains(who, results) };
   const ahead = difference > 0 ? 0 : 1;
   const [won, lost] = [results[ahead], results[1 - ahead]];
@@ -68,8 +68,12 @@ export function verdict(who, results) {
   const sooner = lost.steps - won.steps;
   const more = Math.abs(gained) >= (sooner ? ENOUGH : LITTLE) ? gained : 0;
   const refusals = gained < 0 && -REWARDS.movement * sooner <= -gained; // time does not explain it
-  return { kind: "wins", ...both, more, sooner, by: gained < 0 ? Math.abs(difference) : 0, refusals };
+  return { kind: wins(won, lost) ? "wins" : "ahead", ...both, more, sooner, by: Math.abs(difference), refusals };
 }
+
+/** By how much the first's return is ahead, as it is shown. */
+const lead = ([first, second]) => Number((first.return - second.return).toFixed(1));
+const wins = (won, lost) => lead([won, lost]) > AHEAD && won.collected - lost.collected > -LITTLE;
 
 /** Who of two that landed brings more data, or as much sooner, and by how much. */
 function gains(who, results) {
@@ -169,8 +173,12 @@ function shadowed(late, ahead, slower, environment) {
   return most?.more >= MUCH ? most : null;
 }
 
-/** The longest stretch in which one flight hovers and hears little, and what the other, which flies nearer to the devices, gets in a step on average. */
-function waits(late, ahead, { size }) {
+/**
+ * The longest stretch in which one flight hovers and hears little, the devices that are the cause because they give most of it and are
+ * `sealed` in, and what the other, which flies nearer to the devices, gets in a step on average. Over a real place, walls are not the cause.
+ */
+function waits(late, ahead, environment) {
+  const { size } = environment;
   const brings = ({ dataLeft }) => dataLeft.slice(1).map((left, k) => sum(dataLeft[k]) - sum(left));
   const [gets, others] = [late, ahead].map(brings);
   const stays = stretchesOf(gets.length, (k) => late.uavCell[k + 1] === late.uavCell[k] && gets[k] >= LITTLE);
@@ -181,13 +189,16 @@ function waits(late, ahead, { size }) {
   const mean = sum(some) / some.length;
   const far = (flight, from, to, cell) => Math.min(...Array.from(flight.uavCell.slice(from, to), (at) => cellsApart(at, cell, size)));
   const given = givenBy(late, first, last + 1);
-  const nearer = late.states[0].deviceCells.every((cell, k) => given[k] < ENOUGH || far(ahead, 0, undefined, cell) < far(late, first, first + 1, cell));
+  const cells = Array.from(late.states[0].deviceCells);
+  const nearer = cells.every((cell, k) => given[k] < ENOUGH || far(ahead, 0, undefined, cell) < far(late, first, first + 1, cell));
   if (!nearer || !(mean >= (2 * sum(hears)) / hears.length)) return null;
-  return { kind: "waits", first, last, least: Math.min(...hears), most: Math.max(...hears), mean, look: first };
+  const hidden = environment.meanSnrDb ? [] : [...cells.keys()].filter((k) => given[k] >= ENOUGH && !environment.isSeen(cells[k]));
+  const sealed = 2 * sum(hidden.map((k) => given[k])) > sum(given) ? hidden : [];
+  return { kind: "waits", first, last, least: Math.min(...hears), most: Math.max(...hears), sealed, mean, look: first };
 }
 
 /** The first step of the way home, from which each step leads nearer to the landing. */
-function turnsHome({ uavCell, action }, timeToLand) {
+export function turnsHome({ uavCell, action }, timeToLand) {
   let step = action.length - 1;
   while (step > 0 && timeToLand[uavCell[step]] < timeToLand[uavCell[step - 1]]) step -= 1;
   return step;
@@ -292,9 +303,7 @@ function towards(flight, step, by) {
 }
 
 /** Whether flights with these results are the duel that was asked for: 1, −1 or, level, 0. */
-export function isDuel(wanted, [first, second], part) {
-  const ahead = Number((first.return - second.return).toFixed(1)); // as they are shown
-  const gained = first.collected - second.collected;
-  if (!first.landed && !second.landed) return false;
-  return wanted ? wanted * ahead > AHEAD && wanted * gained > -LITTLE : Math.abs(ahead) < LEVEL && part !== null;
+export function isDuel(wanted, results, part) {
+  if (!results.some(({ landed }) => landed)) return false;
+  return wanted ? wins(...(wanted > 0 ? results : results.toReversed())) : Math.abs(lead(results)) < LEVEL && part !== null;
 }

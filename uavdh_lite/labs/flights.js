@@ -84,7 +84,7 @@ export function numbers(flight) {
 }
 
 /**
- * What player.js draws; see `film` in player.py.
+ * What player.js draws; see `film` in player.py. `traced`: what is heard is that of traced rays.
  * @param {[string, Flight][]} flights with titles
  * @param {string[]} colours of the devices
  */
@@ -93,6 +93,7 @@ export function filmOf({ mission, environment }, flights, colours) {
   return {
     title: `Flight${flights.length > 1 ? "s" : ""} over ${city.name}`,
     city: city.rows,
+    traced: Boolean(environment.meanSnrDb),
     devices: devices.map((cell, number) => ({
       number,
       cell,
@@ -134,8 +135,7 @@ export function warnings(environment, { city, start, devices, data, flyingTime }
   if (sealed.length) facts.push({ kind: "sealed", cells: sealed.length, where: city.position(sealed[0]) });
   devices.forEach((position, device) => {
     const cell = city.cell(position);
-    const heard = [...environment.sight(cell).keys()].some((there) => environment.sight(cell)[there] && reached(there));
-    if (!heard) facts.push({ kind: "unheard", device, traced: environment.meanSnrDb ? bestOf(environment.tracedSnrs(cell)) : null });
+    if (!environment.isSeen(cell)) facts.push({ kind: "unheard", device, traced: environment.meanSnrDb ? bestOf(environment.tracedSnrs(cell)) : null });
     else if (!city.noFly[cell] && !reached(cell)) facts.push({ kind: "unreachable", device });
   });
   if (!city.landing[city.cell(start)]) facts.push({ kind: "outside" });

@@ -134,6 +134,7 @@ export function attend(stage) {
   const does = {
     skip: stage.skipStory,
     go: stage.goOn,
+    tell: stage.tellStory,
     refusal: () => stage.refuse(""),
     copy: stage.copyLink,
     more: () => (find(".drawer").open ? find(".drawer").close() : find(".drawer").show()),

@@ -8,7 +8,7 @@ import { bytesOf, readAgent, valueMap } from "./pilots.js";
 import { kinkOf, pointFact, raceFacts } from "./race.js";
 import { CHANGES, LOOKS, TOOLS, YOU, cityOfPicture, isInside, newStage, overCity, pictureOf, pointOf, randomMission, readFile, stageAsJson,
   textOfLink, withMission } from "./state.js";
-import { choices, closestCall } from "./think.js";
+import { choices, closestCall, missed } from "./think.js";
 import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, kept, require, wilsonInterval } from "./world.js";
 import { LONGEST, NAME, RUNS, grouped, sentence, upper } from "./words.js";
 
@@ -311,6 +311,7 @@ export class Session {
         values: flight.values.map((each) => Array.from(each)),
         closest: closestCall(flight),
         says: choices(flight, this.hangar).map(sentence),
+        missed: missed(flight, this.hangar).map((fact) => (fact ? sentence(fact) : "")),
       };
     },
     channel() {

@@ -64,6 +64,7 @@ export function draw(el, model) {
   const next = new Map(); // what is asked when it has come, the last of each kind
   let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of what is to be kept
   let [clock, story] = [null, false]; // the playback; whether the story is told
+  let opening = null; // the stage that the story is about, where the page has one
   let again = []; // what had no answer before a reload
   let entry = {}; // of the browser's history: its text, its place and when it was new; empty while another is opened
   el.classList.add("uavdh-player", "uavdh-stage");
@@ -125,6 +126,10 @@ export function draw(el, model) {
         `<path class="kind-${sign === "." ? "free" : sign}" d="${cells.map(square).join("")}"/>`;
       stage.fill(".fresh", strokes.map(drawn).join(""));
     },
+    get tells() {
+      return opening !== null;
+    },
+    tellStory: () => stage.ask({ kind: "open", file: new File([JSON.stringify(opening)], ""), story: true }),
     endStory,
     goOn() {
       const { time, last } = clock.now;
@@ -356,7 +361,7 @@ export function draw(el, model) {
   // The story: a duel plays, and captions say what to look at
 
   function beginStory({ step } = { step: 0 }) {
-    if (!scene.fresh || scene.state.tool !== "compare") return;
+    if (!opening || scene.state.tool !== "compare") return;
     story = true;
     el.classList.add("telling");
     clock.show(step);
@@ -411,7 +416,8 @@ export function draw(el, model) {
       ({ scene } = told);
       past = scene.past ?? past; // is told when it has changed
       if (first) return begin();
-      const answered = scene.refused ? "" : waiting.find(({ number }) => number === scene.number)?.kind;
+      const answer = scene.refused ? {} : (waiting.find(({ number }) => number === scene.number) ?? {});
+      const answered = answer.kind;
       if (answered === "open") find(".drawer").close();
       waiting = waiting.filter(({ number }) => number !== scene.number);
       if (!waiting.length) {
@@ -423,6 +429,7 @@ export function draw(el, model) {
       if (brush.cells) return; // a stroke is drawn until it is over
       if (!waiting.length) askNext(); // it is computed while this is drawn
       paint(answered);
+      if (answer.story) beginStory();
       if (answered === "race") clock.show(0, true);
       if (!waiting.length && again.length) stage.ask(again.shift());
       if (!waiting.length) settle();
@@ -440,6 +447,7 @@ export function draw(el, model) {
 
   function begin() {
     el.innerHTML = page(scene.tools);
+    if (scene.fresh) opening = scene.stage;
     el.tabIndex = -1; // a press beside everything leaves the keys here
     attend(stage); // before the playback, so that it hears of keys first
     clock = playback(el, (time, playing) => {

@@ -1,7 +1,7 @@
 // What an agent expects at each step of its flight, and why it acts so: the facts of the tool Think.
 
-import { NONE, emptied } from "./compare.js";
-import { ACTIONS, HOVER, LAND, sum } from "./world.js";
+import { NONE, emptied, turnsHome } from "./compare.js";
+import { ACTIONS, CHANNEL, HOVER, LAND, REWARDS, rate, sum } from "./world.js";
 
 const CLOSE = 0.5; // a gap between Q-values below which a decision is called close
 const ENOUGH = 0.5; // data units of a device that are worth a reason,
@@ -72,6 +72,42 @@ function beside({ uavCell, dataLeft, intervened }, step, { state, outcome }, { m
     alone: here === there || [left, state.dataLeft].every((each) => sum(each) < NONE),
   };
 }
+
+/**
+ * For each step of the way home of a flight that leaves data behind, null for others: a fact about what could still have been had in time.
+ * `best` is the detour that would bring most beyond what its steps cost: so many `moves` to a cell, so many `hovers` there for `each` units
+ * a step from one device, without fading, and home; null if none brings `least`.
+ */
+export function missed(flight, { mission, environment }) {
+  const { timeToLand } = environment;
+  const end = flight.dataLeft.at(-1);
+  const behind = [...mission.devices.keys()].filter((k) => end[k] >= ENOUGH);
+  if (!flight.landed || !behind.length) return Array.from(flight.action, () => null);
+  const turns = turnsHome(flight, timeToLand);
+  const rates = behind.map((device) => ratesOf(environment, environment.city.cell(mission.devices[device])));
+  return Array.from(flight.action, (_, step) => {
+    if (step < turns) return null;
+    const here = flight.uavCell[step];
+    const ways = environment.moves(here);
+    let best = null;
+    timeToLand.forEach((home, cell) => {
+      const most = flight.timeLeft[step] - ways[cell] - home; // steps to hover
+      behind.forEach((device, k) => {
+        const each = CHANNEL.slots * rates[k][cell];
+        for (const hovers of [Math.floor, Math.ceil].map((whole) => Math.min(most, whole(end[device] / each)))) {
+          if (hovers < 1) continue;
+          const longer = ways[cell] + hovers + home - timeToLand[here];
+          const gain = Math.min(end[device], hovers * each) + REWARDS.movement * longer;
+          if (gain >= ENOUGH && !(best?.gain >= gain)) best = { device, gain, where: environment.city.position(cell), moves: ways[cell], hovers, each };
+        }
+      });
+    });
+    return { kind: "missed", left: sum(end), least: ENOUGH, best };
+  });
+}
+
+/** Data units a slot from a device to the UAV over each cell, without fading, as flights have them. */
+const ratesOf = (environment, cell) => (environment.meanSnrDb ? environment.tracedSnrs(cell).map(rate) : environment.rateMap(cell));
 
 function reasonOf(flight, step, timeToLand, otherwise, more) {
   const { uavCell, dataLeft, landed } = flight;

@@ -115,7 +115,7 @@ export const brush = { sign: "B", cells: null }; // cells: those of the stroke t
 export const TOOLS = {
   fly: {
     title: "Fly",
-    html({ film, panel, state, tools }) {
+    html({ film, panel, state, tools }, { tells }) {
       const { you, ghost, ranking, rival } = panel;
       const refusals = film.flights[0].refused.filter((action) => action).length;
       const key = (action, sign) => button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
@@ -130,7 +130,7 @@ export const TOOLS = {
         : "";
       const meet = [{ kind: "policy", which: 1, name: rival.name }, { kind: "policy", which: 0, name: "you" }, { kind: "tool", tool: "compare" }];
       const both = tools.includes("compare") ? button(`Compare with ${escaped(rival.subject)}`, meet) : "";
-      const head = you.ended ? this.card(you, ghost, rival, refusals, both) : this.help(you, rival);
+      const head = you.ended ? this.card(you, ghost, rival, refusals, both) : this.help(you, rival, tells);
       const known = state.known.filter(([name]) => name !== "you");
       return `<div class="beside">${pad}<div class="row">${button("Again", { kind: "again" })}
         ${chooser("ghost", "policy-1", known, rival.name)}</div></div>
@@ -143,7 +143,8 @@ export const TOOLS = {
       const why = action === "land" ? "you can only land on blue cells" : inTheWay;
       return `<b>Refused: ${action}</b>, ${why}. It costs a unit of time and 1 of the return.`;
     },
-    help: (you, rival) => `<h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
+    help: (you, rival, tells) => `<div class="beside"><h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
+      ${tells && !you.steps ? '<button type="button" class="tell">Tell the story</button>' : ""}</div>
       <p>Collect the ${term("data units", "data")} and land on a blue cell in time. Press the
       buttons, or keys: arrows move, space hovers, L lands; ↶ takes a move back. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
     card(you, ghost, rival, no, both) {
@@ -213,7 +214,7 @@ export const TOOLS = {
       const later = smaller ? `; at step ${smaller.step + 1} it is ${gapOf(smaller.gap)}, but ${smaller.empty ? "nothing" : "hardly anything"} is left then` : "";
       const idle = stake ? `, the smallest while there was still a unit of data or more to collect${later}.` : ". Hardly anything was left to collect, so little depends on it.";
       return `<div role="status"><h2 class="says-why"></h2></div>${instead ? `<p><b>${explained(instead)}</b></p>` : ""}
-        <h3>${term(panel.number, `${panel.number}s`)}: the longer the bar, the better (best: <span class="most"></span>)</h3><div class="q"></div>
+        <h3>${term(panel.number, `${panel.number}s`)}: the longer the bar, the better (best: <span class="most"></span>)</h3><div class="q"></div><p class="missed"></p>
         <div class="row">${button("Closest call", { show: step })} <small>step ${step + 1}: a gap of ${gapOf(gap)}${idle}</small></div>
         <div class="row">${chooser("layer", "layer", LAYERS.map((name) => [name, name]), looks.layer)}
         <label><input type="checkbox" data-set="centred" ${looks.centred ? "checked" : ""}> centred, as the network sees it</label></div>
@@ -241,6 +242,7 @@ export const TOOLS = {
       };
       stage.fill(".q", values.map(bar).join(""));
       stage.fill(".most", signed(best));
+      stage.fill(".missed", panel.missed[step]);
       this.layer(stage, scene, step, time);
     },
     layer(stage, { panel, film, state: { looks: { layer: name, centred } } }, step, time) {

@@ -46,13 +46,20 @@ function towards({ by, given = [], home, who }, step) {
   return ` and ${who.you ? "get" : "gets"} ${shown.length > 1 ? `${all} units ${when} (${parts})` : `${all} units from device ${shown[0][1]} ${when}`}`;
 }
 
+const homeSooner = (sooner) => `home ${steps(Math.abs(sooner))} ${sooner > 0 ? "sooner" : "later"}`;
+/** What somebody has gained who is ahead with no less data. */
+const gained = ({ more, sooner, refusals }) =>
+  [more && `${more.toFixed(1)} units more`, sooner && homeSooner(sooner), refusals && "fewer refusals"].filter(Boolean).join(", ") || "fewer refusals";
+const sealedIn = (devices) => `${listed(devices.map((device) => `device ${device}`))} ${devices.length > 1 ? "are" : "is"} sealed in: ` +
+  `${devices.length > 1 ? "they" : "it"} cannot be seen from any cell that the UAV can reach`;
+
 /** A sentence for each kind of fact. Steps are counted from 0 in facts and from 1 in sentences. */
 const TEMPLATES = {
   air: () => "One flight is still in the air.",
   empty: () => "One flight has not begun: fly it in the tool Fly.",
   level({ who, data, more, sooner }) {
     if (!who) return "Nearly level.";
-    const home = sooner && `home ${steps(Math.abs(sooner))} ${sooner > 0 ? "sooner" : "later"}`;
+    const home = sooner && homeSooner(sooner);
     const is = who.you ? "are" : "is";
     if (!more) return `Nearly level: both bring ${data.toFixed(1)} units${home ? `, and ${says(who, "is", home)}` : " in the same time"}.`;
     return `Nearly level: ${says(who, "brings", `${units(more)} units more`)}${home ? `, ${sooner > 0 ? "and" : "but"} ${is} ${home}` : ""}.`;
@@ -60,16 +67,14 @@ const TEMPLATES = {
   crashes: () => "Both crash, because the time runs out: all that was collected is lost.",
   crash: ({ who, other }) =>
     `${upper(says(who, "wins"))}, because the time runs out before ${says(other, "lands")}: all that was collected is lost.`,
-  wins({ who, more, sooner, by, refusals }) {
-    const told = [
-      more && `${Math.abs(more).toFixed(1)} units ${more > 0 ? "more" : "less"}`,
-      sooner && `home ${steps(Math.abs(sooner))} ${sooner > 0 ? "sooner" : "later"}`,
-    ].filter((each) => each);
-    if (!by) return `${upper(says(who, "wins"))}: ${told.join(", ") || "fewer refusals"}.`;
-    const [they, are] = who.you ? ["you", "are"] : ["it", "is"];
-    const less = more ? `although ${says({ ...who, subject: they }, "brings")} ${told[0]}, ` : "";
-    const why = refusals ? "fewer actions are refused" : `${they} ${are} ${told.at(-1)}`;
-    return `${upper(says(who, "wins"))} by ${by.toFixed(1)} in return, ${less}because ${why}.`;
+  wins: (fact) => `${upper(says(fact.who, "wins"))}: ${gained(fact)}.`,
+  ahead(fact) {
+    const { who, more, sooner, by, refusals } = fact;
+    const leads = `${upper(says(who, "is", `ahead by ${by.toFixed(1)}`))} in return`;
+    if (more >= 0) return `${leads}: ${gained(fact)}.`;
+    const they = { ...who, subject: who.you ? "you" : "it" };
+    const why = refusals ? "fewer actions are refused" : says(they, "is", homeSooner(sooner));
+    return `${leads}, although ${says(they, "brings", `${(-more).toFixed(1)} units less`)}, because ${why}.`;
   },
   same: ({ step }) => step < 0 ? "Both fly the same way."
     : `They first act differently at step ${step + 1}, but end at the same time in the same cell, with about the same data.`,
@@ -88,9 +93,9 @@ const TEMPLATES = {
       `there. ${upper(says(other, "sees", "the device"))} in ${last > first ? "these steps" : "this step"} and ` +
       `${other.you ? "get" : "gets"} ${others} from it, ${who.subject} ${some}.`;
   },
-  waits({ who, other, first, last, least, most, mean }) {
+  waits({ who, other, first, last, least, most, sealed, mean }) {
     const rates = [...new Set([least, most].map(units))].join("–");
-    return `${upper(says(who, "hovers"))} ${fromTo(first, last)}, for ${rates} units a step; ${says(other, "flies", "nearer to the devices")} and ` +
+    return `${upper(says(who, "hovers"))} ${fromTo(first, last)}, for ${rates} units a step${sealed.length ? `, because ${sealedIn(sealed)}` : ""}; ${says(other, "flies", "nearer to the devices")} and ` +
       `${other.you ? "get" : "gets"} ${units(mean)} on average in each step that brings data.`;
   },
   idles: ({ idlers }) =>
@@ -128,6 +133,14 @@ const TEMPLATES = {
     const why = reason ? REASONS[reason.kind](reason) : "";
     if (gap === null) return `${action}, because nothing else leaves time to land.`;
     return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}${both ? comparison(both, second) : ""}.`;
+  },
+
+  missed({ left, least, best }) {
+    const behind = `It leaves ${units(left)} units behind`;
+    if (!best) return `${behind}; no detour to hover for the data of a device and be home in time would bring ${least} more than its steps cost, without fading.`;
+    const { device, where: [row, col], moves, hovers, each } = best;
+    const there = moves ? `fly ${steps(moves)} to row ${row}, column ${col} and hover there` : "hover here";
+    return `${behind}. In time for home, it could still ${there} for ${steps(hovers)}, for ${units(each)} units a step from device ${device}, without fading.`;
   },
 
   place: ({ source, licence }) =>
@@ -175,7 +188,7 @@ const TEMPLATES = {
     `No way leads from the landing zone to ${cells === 1 ? "" : `${cells} cells of this city, such as `}row ${row}, column ${col}.`,
   unreachable: ({ device }) => `No way leads to device ${device}: it can only be heard from afar.`,
   unheard: ({ device, traced }) =>
-    `Device ${device} is sealed in: it cannot be seen from any cell that the UAV can reach, ${traced?.amount >= 0.1
+    `${upper(sealedIn([device]))}, ${traced?.amount >= 0.1
       ? `but by the traced rays it is heard all the same, best over row ${traced.where[0]}, column ${traced.where[1]}: ${units(traced.amount)} units a slot.`
       : "and what comes through the walls is little."}`,
   late: ({ time, home }) =>

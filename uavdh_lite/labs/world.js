@@ -326,6 +326,11 @@ export class Environment {
     return kept(this.rows.sight, cell, () => lineOfSight(this.city.buildings, this.size, cell));
   }
 
+  /** Whether a cell is seen from any that the UAV can reach from the landing zone; one that is not is sealed in. */
+  isSeen(cell) {
+    return this.sight(cell).some((sees, there) => sees && this.city.landingDistance[there] >= 0);
+  }
+
   /** Moves between a cell and every other, `NO_PATH` where no path leads; Int16Array (n,). */
   moves(cell) {
     return kept(this.rows.moves, cell, () => shortestPaths(this, cell));
