@@ -142,6 +142,9 @@ def test_who_hovers_long_for_a_device_that_no_cell_sees_is_told_so(modules, wall
         "a step, because device 0 is sealed in: it cannot be seen from any cell that the UAV can "
         "reach; two flies nearer" in said
     )
+    idle = flown(0, *[1] * 9, reward=[-1] * 9)  # what it hears is too little to count
+    told = "hovering in steps 2–9, when data is left only at device 0, which is sealed in: seen"
+    assert sealed == (told in modules(script, [text, idle, second]))
 
 
 def test_steps_without_data_are_counted_and_the_long_stretches_that_lead_nowhere_are_found(modules):

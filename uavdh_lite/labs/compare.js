@@ -118,9 +118,10 @@ export function reasons(who, flights, part, environment) {
   const stray = astray(late);
   const worse = spent.idle > others.idle; // else the count speaks for who is behind
   if (worse && (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG)) {
-    if (!last || stray.stretches.length) facts.push({ kind: "spends", ...about, spent, others, ...stray, since: nothingSince(late) });
+    if (!last || stray.stretches.length) facts.push({ kind: "spends", ...about, spent, others, ...stray, since: nothingSince(late), sealed: sealedLeft(late, stray, environment) });
   } else {
-    const idlers = flights.map((flight, k) => ({ who: who[k], ...astray(flight) })).filter(({ hovers, turns }) => hovers + turns >= 2 * LONG);
+    const idlers = flights.map((flight, k) => ({ who: who[k], ...astray(flight) })).filter(({ hovers, turns }) => hovers + turns >= 2 * LONG)
+      .map((each) => ({ ...each, sealed: sealedLeft(flights[who.indexOf(each.who)], each, environment) }));
     if (idlers.length) facts.push({ kind: "idles", idlers });
   }
   const more = flights[0].dataLeft.at(-1).map((each, k) => each - flights[1].dataLeft.at(-1)[k]);
@@ -195,6 +196,14 @@ function waits(late, ahead, environment) {
   const hidden = environment.meanSnrDb ? [] : [...cells.keys()].filter((k) => given[k] >= ENOUGH && !environment.isSeen(cells[k]));
   const sealed = 2 * sum(hidden.map((k) => given[k])) > sum(given) ? hidden : [];
   return { kind: "waits", first, last, least: Math.min(...hears), most: Math.max(...hears), sealed, mean, look: first };
+}
+
+/** The devices where data is left while a flight goes nowhere, if all of them are sealed in. Over a real place, walls are not the cause. */
+function sealedLeft(flight, { stretches, hovers }, environment) {
+  if (!hovers || environment.meanSnrDb) return [];
+  const has = ([step]) => [...leftAt(flight, step).keys()].filter((k) => leftAt(flight, step)[k] >= NONE);
+  const hidden = has(stretches[0]).every((k) => !environment.isSeen(flight.states[0].deviceCells[k]));
+  return hidden ? has(stretches.at(-1)) : [];
 }
 
 /** The first step of the way home, from which each step leads nearer to the landing. */

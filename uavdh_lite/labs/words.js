@@ -53,6 +53,9 @@ const gained = ({ more, sooner, refusals }) =>
 const sealedIn = (devices) => `${listed(devices.map((device) => `device ${device}`))} ${devices.length > 1 ? "are" : "is"} sealed in: ` +
   `${devices.length > 1 ? "they" : "it"} cannot be seen from any cell that the UAV can reach`;
 
+const unseen = ({ sealed = [] }) => (sealed.length ? `, when data is left only at ${listed(sealed.map((device) => `device ${device}`))}, ` +
+  `${sealed.length > 1 ? "all" : "which is"} sealed in: seen from no cell that the UAV can reach` : "");
+
 /** A sentence for each kind of fact. Steps are counted from 0 in facts and from 1 in sentences. */
 const TEMPLATES = {
   air: () => "One flight is still in the air.",
@@ -99,13 +102,13 @@ const TEMPLATES = {
       `${other.you ? "get" : "gets"} ${units(mean)} on average in each step that brings data.`;
   },
   idles: ({ idlers }) =>
-    `${upper(idlers.map((each) => says(each.who, "spends", `${during(each)} ${lost(each)}`)).join("; "))}; none of these steps brings 0.1 units.`,
+    `${upper(idlers.map((each) => says(each.who, "spends", `${during(each)} ${lost(each)}${unseen(each)}`)).join("; "))}; none of these steps brings 0.1 units.`,
   spends({ who, spent, other, others, since, ...astray }) {
     const does = lost(astray);
     const where = does && `, ${does} in ${during(astray)}`;
     return `Apart from landing, ${says(who, "takes", `${steps(spent.brings)} that ${spent.brings === 1 ? "brings" : "bring"} 0.1 units or more`)} ` +
       `and ${spent.idle} that ${spent.idle === 1 ? "does" : "do"} not` +
-      `${where}${since ? `, though ${nothingLeft(since)}` : ""}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.${does && who.thinks ? " Think shows what it expected there." : ""}`;
+      `${where}${since ? `, though ${nothingLeft(since)}` : unseen(astray)}; ${says(other, "takes", `${others.brings} and ${others.idle}`)}.${does && who.thinks ? " Think shows what it expected there." : ""}`;
   },
   leaves({ devices, unused, used, turns, loser, winner }) {
     const left = devices.map(({ device, more }, k) =>
