@@ -86,14 +86,15 @@ def make(study: str, jobs: int = 1, cluster: str = "") -> None:
     Raises `InputError` for a study whose command is only described.
     """
     entry = studies()[study]
-    command = shlex.split(entry["command"])
-    if command[0] != "python" or {"AGENT", "SEED"} & set(command):
-        raise InputError(f"{study}: not made by one command: {entry['command']}")
-    if "runs" in entry:
-        command += ["--out", f"runs/{study}"]
-    if command[1:4] == ["-m", "uavdh_lite", "study"]:
-        command += ["--cluster", cluster] if cluster else ["--jobs", str(jobs)]
-    subprocess.run([sys.executable, *command[1:]], cwd=ROOT, check=True)
+    for line in entry["command"].split(" && "):
+        command = shlex.split(line)
+        if command[0] != "python" or {"AGENT", "SEED"} & set(command):
+            raise InputError(f"{study}: not made by a command: {line}")
+        if "runs" in entry and "--out" not in command:
+            command += ["--out", f"runs/{study}"]
+        if command[1:4] == ["-m", "uavdh_lite", "study"]:
+            command += ["--cluster", cluster] if cluster else ["--jobs", str(jobs)]
+        subprocess.run([sys.executable, *command[1:]], cwd=ROOT, check=True)
     if "runs" in entry:
         gather(study, ROOT / "runs" / study)
     else:
@@ -130,7 +131,9 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
         raise InputError(f"{folder}: no runs {' or '.join(entry['runs'].values())}-SEED in it")
     first, usual = next(iter(about.values())), next(iter(recipes.values()))
     changed = {
-        variant: recipe if recipe is usual else {k: v for k, v in recipe.items() if v != usual[k]}
+        variant: recipe
+        if recipe is usual
+        else dict(x for x in recipe.items() if x not in usual.items())
         for variant, recipe in recipes.items()
     }
     # One session of `benchmarks/fleet.py` may make the runs of several studies

@@ -14,7 +14,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import runs
 from uavdh_lite.recipe import find_recipe
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.storage import read_json, read_table
+from uavdh_lite.storage import read_json, read_table, write_json
 from uavdh_lite.training import Trainer
 
 LIST = """
@@ -23,7 +23,7 @@ LIST = """
 
 [studies.tiny]
 what = "Two short runs"
-command = "python -m uavdh_lite study"
+command = "python -m uavdh_lite study && python -m uavdh_lite study --out runs/tiny/more"
 runs = { first = "one", second = "other" }
 """
 TINY = replace(
@@ -74,6 +74,15 @@ def test_runs_become_tables_with_what_changes_and_rounded_agents(folder):
         load_agent(folder / "agents/tiny-first-3.safetensors").network.state_dict().items()
     ):
         assert torch.equal(weight, whole[name].half().float())
+
+
+def test_variants_may_have_recipes_of_two_kinds(folder):
+    about = read_json(folder / "other-3/about.json")
+    about["recipe"]["failsafe"] = True
+    write_json(folder / "other-3/about.json", about)
+    record.gather("tiny", folder)
+    changes = read_json(folder / "runs/tiny.json")["recipes"]["second"]
+    assert changes == {"discount": 0.9, "failsafe": True}
 
 
 def test_a_study_is_of_today_by_the_digest_that_it_was_recorded_with(folder, monkeypatch):
@@ -135,16 +144,18 @@ def test_every_shipped_agent_is_named_by_the_study_that_makes_it():
 
 def test_a_command_makes_its_runs_and_they_are_recorded(folder, monkeypatch):
     def run(command, cwd, check):
-        assert command[1:] == [*["-m", "uavdh_lite", "study", "--out", "runs/tiny", "--jobs", "2"]]
-        (cwd / "runs/tiny").mkdir()
-        for name in ("one-3", "other-3"):
-            (folder / name).rename(cwd / "runs/tiny" / name)
+        name, out = lines.pop(0)
+        assert command[1:] == ["-m", "uavdh_lite", "study", "--out", out, "--jobs", "2"]
+        (cwd / "runs/tiny").mkdir(exist_ok=True)
+        (folder / name).rename(cwd / "runs/tiny" / name)
+
+    lines = [("one-3", "runs/tiny"), ("other-3", "runs/tiny/more")]
 
     monkeypatch.setattr(record, "ROOT", folder)
     monkeypatch.setattr(record.subprocess, "run", run)
     monkeypatch.setattr(record, "digest", lambda commit="": "0123456789abcdef")
     record.make("tiny", jobs=2)
-    assert record.state("tiny") == ""
+    assert record.state("tiny") == "" and not lines
 
 
 def test_weights_that_do_not_fit_float16_are_refused(folder):
