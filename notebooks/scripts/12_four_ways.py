@@ -299,7 +299,7 @@ for way, colour in WAYS.items():
         ax.plot(minutes, study["return"][run], style, color=colour, label=label)
 ax.axhline(greedy, color="grey", lw=1, ls=":", label="greedy")
 ax.set(xlabel="minutes", ylabel="return in validation", ylim=(0, 37))
-ax.legend(fontsize="small", loc="lower right", ncols=2)
+ax.legend(fontsize="small", loc="center right")
 figure
 
 # %%
