@@ -4,12 +4,13 @@ import base64
 import json
 import re
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from uavdh_lite.city import load_city, moves_from
+from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment
 from uavdh_lite.labs.page import recorded_races
 from uavdh_lite.missions import HandFlight, Mission, as_json
@@ -550,52 +551,92 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number, wo
     assert sure == worse
 
 
-# In time for 8.5 units; in time at first, then too late; all its time is used
-@pytest.mark.parametrize(("number", "offers"), [(44, {True}), (31, {True, False}), (1, {False})])
-def test_on_the_way_home_is_said_what_could_still_have_been_had_in_time(tell, number, offers):
+def prospects(environment, state, behind):
+    """A function of some of the devices left behind and a weight: the most that can be had by time
+    left and cell, and the first action to it."""
+    cells = environment.size**2
+    uav_cell, action = (each.ravel() for each in np.indices((cells, LAND)))
+    batch = state[np.zeros(len(uav_cell), int)]
+    batch = replace(batch, uav_cell=uav_cell.astype(np.int16))
+    ahead, forbidden = (
+        each[0, uav_cell, action] for each in (environment.next_cell, environment.forbidden)
+    )
+    quiet = np.zeros((len(uav_cell), 4, state.device_cells.shape[1]), np.float32)
+    heard = np.log2(1 + 10 ** (environment.snr_db(batch, ahead, quiet) / 10))
+    heard = np.minimum(heard, state.data_left)
+    ahead = ahead.reshape(cells, LAND)
+    landing = environment.time_to_land[0] == 1
+
+    @lru_cache
+    def best(devices, weight):
+        offer = weight * heard[..., list(devices)].max(-1).sum(-1) - 0.2
+        offer = np.where(forbidden, -np.inf, offer).reshape(cells, LAND)
+        most, actions = [np.full(cells, -np.inf)], [None]
+        for _ in range(int(state.time_left[0])):
+            values = np.column_stack([offer + most[-1][ahead], np.where(landing, 0, -np.inf)])
+            most.append(values.max(1))
+            actions.append(values.argmax(1))
+        return most, actions
+
+    return best
+
+
+# In time for 8.5 units; in time at first, then too late; past two devices; all its time is used
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [(44, "could"), (31, "could none"), (365, "could"), (1, "none"), (6, "left")],
+)
+def test_on_the_way_home_is_said_what_could_still_have_been_had_in_time(tell, number, said):
     mission = Mission.draw(find_scenario("manhattan"), load_city("manhattan"), number)
     content = base64.b64encode(json.dumps(as_json(mission)).encode()).decode()
     tell("open", name="mission.json", base64=content)
     scene = tell("tool", tool="think")
-    (flight,) = scene["film"]["flights"]
-    environment, size = Environment(mission.city), mission.city.size
-    cells = [row * size + col for row, col in flight["path"]]
-    home, end = environment.time_to_land[0].astype(int), flight["left"][-1]
-    turns = max(
-        [0, *(k + 1 for k, two in enumerate(pairwise(home[cells[:-1]])) if two[1] >= two[0])]
-    )
-    found = set()
-    for step, text in enumerate(scene["panel"]["missed"]):
-        assert bool(text) == (step >= turns)
-        if not text:
-            continue
-        assert text.startswith(f"It leaves {sum(end[:-1]):.1f} units behind")
-        here = cells[step]
-        ways = moves_from(np.arange(size**2).reshape(size, size) == here, ~mission.city.no_fly)
-        ways = np.where(ways < 0, 999, ways).ravel()
-        gains = {}
-        for device, (row, col) in enumerate(mission.devices):
-            each = 4 * environment.rate_map(row * size + col).ravel()
-            for hovers in range(1, int(flight["left"][step][-1]) + 1):
-                longer = ways + hovers + home - home[here]
-                gain = np.minimum(end[device], hovers * each) - 0.2 * longer
-                late = ways + hovers + home > flight["left"][step][-1]
-                gains[device, hovers] = np.where(late, -9, gain), each
-        best = max(gain.max() for gain, _ in gains.values())
-        found.add(best >= 0.5)
-        if best < 0.5:
-            assert "no detour to hover for the data of a device and be home in time" in text
-            continue
-        moves, row, col, hovers, rate, device = re.search(
-            r"(?:fly (\d+) steps? to row (\d+), column (\d+) and hover there|hover here) for "
-            r"(\d+) steps?, for ([\d.]+) units a step from device (\d)",
-            text,
-        ).groups()
-        there = here if moves is None else int(row) * size + int(col)
-        gain, each = gains[int(device), int(hovers)]
-        assert gain[there] == pytest.approx(best, abs=1e-3) and ways[there] == int(moves or 0)
-        assert each[there] == pytest.approx(float(rate), abs=0.051)
-    assert found == offers
+    environment = Environment(mission.city)
+    hand, states = HandFlight(environment, mission), []
+    for values in scene["panel"]["values"]:
+        states.append(hand.state)
+        hand.step(int(np.argmax([-np.inf if each is None else each for each in values])))
+    end = hand.state.data_left
+    behind = tuple(np.flatnonzero(end[0] >= 0.05))
+    home = environment.time_to_land[0].astype(int)
+    away = [home[state.uav_cell[0]] for state in states]
+    turns = max([0, *(k + 1 for k, two in enumerate(pairwise(away)) if two[1] >= two[0])])
+    best = prospects(environment, states[turns], behind)
+    missed, later, found = scene["panel"]["missed"], (0.0, (), 0), []
+    assert len(missed) == len(states) and not any(missed[:turns])
+    for step in reversed(range(turns, len(states))):
+        bounds, flights = [], [(later[0], later[1], later[2] + 1)]
+        for weight in (1, 0.5, 0.25, 0.125):
+            state, count = states[step], 0
+            most = best(behind, weight)[0][state.time_left[0]][state.uav_cell[0]]
+            left = [each.data_left[0, list(behind)].sum() for each in (state, hand.state)]
+            bounds.append(most + left[1] - weight * left[0])
+            while not state.landed[0]:
+                devices = tuple(k for k in behind if state.data_left[0, k] >= 0.05)
+                actions = best(devices, weight)[1] if devices else None
+                action = actions and actions[state.time_left[0]][state.uav_cell]
+                action = environment.way_home[0, state.uav_cell] if action is None else action
+                quiet = np.zeros((1, 4, end.shape[1]), np.float32)
+                state, count = environment.transition(state, action, quiet)[0], count + 1
+            more = (end - state.data_left)[0]
+            flights.append((more.sum(), tuple(k for k in behind if more[k] >= 0.05), count))
+        gain = [amount - 0.2 * (count - away[step]) for amount, _, count in flights]
+        none = min(bounds) + 0.2 * (away[step] - 1) < 0.5
+        later = flights[int(np.argmax(gain))] if max(gain) >= 0.5 else (0.0, (), 0)
+        assert not (none and later[1])
+        text = missed[step]
+        assert text.startswith(f"It leaves {end.sum():.1f} units behind.")
+        assert none == ("no flight could bring 0.5 units more than its steps cost" in text)
+        assert bool(later[1]) == ("it could still collect" in text)
+        found.append("none" if none else "could" if later[1] else "left")
+        if later[1]:
+            amount, devices, count = re.search(
+                r"collect ([\d.]+) of them from (.*) and be home in time, in (\d+) steps?,", text
+            ).groups()
+            assert float(amount) == pytest.approx(later[0], abs=0.051)
+            assert tuple(map(int, re.findall(r"\d+", devices))) == later[1]
+            assert int(count) == later[2] <= states[step].time_left[0]
+    assert {*found} == {*said.split()}
 
 
 def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules):

@@ -1,12 +1,13 @@
 // What an agent expects at each step of its flight, and why it acts so: the facts of the tool Think.
 
 import { NONE, emptied, turnsHome } from "./compare.js";
-import { ACTIONS, CHANNEL, HOVER, LAND, REWARDS, rate, sum } from "./world.js";
+import { ACTIONS, CHANNEL, HOVER, LAND, REWARDS, kept, rate, sum } from "./world.js";
 
 const CLOSE = 0.5; // a gap between Q-values below which a decision is called close
 const ENOUGH = 0.5; // data units of a device that are worth a reason,
 const SPARE = 1; // units of time more than the way home takes, with which it has to fly home
 const STAKE = 1; // data units that are still to be had, without which no decision is called close
+const WEIGHTS = [1, 0.5, 0.25, 0.125]; // of data against steps, by which a way is sought
 const LESS = 0.05; // data units that the second best action brings less, so that data is a reason
 
 /** The second best action, and how far the best is ahead of it; Infinity where nothing else is allowed. */
@@ -75,39 +76,88 @@ function beside({ uavCell, dataLeft, intervened }, step, { state, outcome }, { m
 
 /**
  * For each step of the way home of a flight that leaves data behind, null for others: a fact about what could still have been had in time.
- * `best` is the detour that would bring most beyond what its steps cost: so many `moves` to a cell, so many `hovers` there for `each` units
- * a step from one device, without fading, and home; null if none brings `least`.
+ * `could` is a flight on from there that brings `least` or more beyond what its steps cost: how much more, from which devices, in how many
+ * steps. It is null if none was found; `none`: there is none. All without fading.
  */
-export function missed(flight, { mission, environment }) {
+export function missed(flight, { environment }) {
   const { timeToLand } = environment;
   const end = flight.dataLeft.at(-1);
-  const behind = [...mission.devices.keys()].filter((k) => end[k] >= ENOUGH);
-  if (!flight.landed || !behind.length) return Array.from(flight.action, () => null);
+  const behind = [...end.keys()].filter((k) => end[k] >= NONE);
+  if (!flight.landed || sum(end) < ENOUGH) return Array.from(flight.action, () => null);
   const turns = turnsHome(flight, timeToLand);
-  const rates = behind.map((device) => ratesOf(environment, environment.city.cell(mission.devices[device])));
-  return Array.from(flight.action, (_, step) => {
-    if (step < turns) return null;
-    const here = flight.uavCell[step];
-    const ways = environment.moves(here);
-    let best = null;
-    timeToLand.forEach((home, cell) => {
-      const most = flight.timeLeft[step] - ways[cell] - home; // steps to hover
-      behind.forEach((device, k) => {
-        const each = CHANNEL.slots * rates[k][cell];
-        for (const hovers of [Math.floor, Math.ceil].map((whole) => Math.min(most, whole(end[device] / each)))) {
-          if (hovers < 1) continue;
-          const longer = ways[cell] + hovers + home - timeToLand[here];
-          const gain = Math.min(end[device], hovers * each) + REWARDS.movement * longer;
-          if (gain >= ENOUGH && !(best?.gain >= gain)) best = { device, gain, where: environment.city.position(cell), moves: ways[cell], hovers, each };
-        }
-      });
-    });
-    return { kind: "missed", left: sum(end), least: ENOUGH, best };
-  });
+  const ways = waysOn(environment, flight.states[turns], behind);
+  const of = (left) => sum(behind.map((k) => left[k]));
+  let later = null; // it may fly on as it does and turn off then
+  const facts = Array.from(flight.action, () => null);
+  for (let step = flight.action.length - 1; step >= turns; step--) {
+    const state = flight.states[step];
+    const home = timeToLand[state.uavCell];
+    const most = WEIGHTS.map((weight) => ways(behind, weight).most[state.timeLeft][state.uavCell] + of(end) - weight * of(state.dataLeft));
+    const none = Math.min(...most) - REWARDS.movement * (home - 1) < ENOUGH;
+    const all = none ? [] : WEIGHTS.map((weight) => flownOn(environment, state, behind, (open) => ways(open, weight), end));
+    const gain = ({ amount, steps }) => amount + REWARDS.movement * (steps - home);
+    const could = [...all, ...(later ? [{ ...later, steps: later.steps + 1 }] : [])].reduce((one, other) => (gain(other) > gain(one) ? other : one), { amount: 0, steps: home });
+    later = gain(could) >= ENOUGH ? could : null;
+    facts[step] = { kind: "missed", left: sum(end), least: ENOUGH, none, could: later };
+  }
+  return facts;
 }
 
-/** Data units a slot from a device to the UAV over each cell, without fading, as flights have them. */
-const ratesOf = (environment, cell) => (environment.meanSnrDb ? environment.tracedSnrs(cell).map(rate) : environment.rateMap(cell));
+/** A flight on from a state by `ways`, without fading: how much less it leaves than `end`, at which devices, and in how many steps. */
+function flownOn(environment, from, behind, ways, end) {
+  const quiet = new Float32Array(CHANNEL.slots * from.deviceCells.length);
+  let state = from;
+  while (!state.landed) {
+    const open = behind.filter((k) => state.dataLeft[k] >= NONE);
+    const action = open.length ? ways(open).action[state.timeLeft][state.uavCell] : environment.wayHome[state.uavCell];
+    ({ state } = environment.transition(state, action, quiet));
+  }
+  const { dataLeft } = state;
+  return { amount: sum(end) - sum(dataLeft), devices: behind.filter((k) => end[k] - dataLeft[k] >= NONE), steps: from.timeLeft - state.timeLeft };
+}
+
+/**
+ * For some of the devices that are left `behind`, for each time left and cell: the `most` that data, times a weight, and steps can bring until
+ * a landing in time, and the first action to it. A device gives up to all its data in each slot, as if it never ran empty. So no flight brings more
+ * beyond its steps than this and 1 − weight times all that is left: it brings no more than that, and no more than this without the weight.
+ */
+function waysOn(environment, { deviceCells, timeLeft, dataLeft }, behind) {
+  const { timeToLand, city } = environment;
+  const near = [...timeToLand.keys()].filter((cell) => timeToLand[cell] <= timeLeft);
+  const quiet = new Float32Array(CHANNEL.slots * behind.length);
+  const devices = behind.map((k) => deviceCells[k]);
+  const moves = near.map((uavCell) => [...ACTIONS.keys()].filter((action) => action !== LAND && !environment.forbidden(uavCell, action)).map((action) => {
+    const ahead = environment.nextCell(uavCell, action);
+    const heard = environment.snrDb({ uavCell, deviceCells: devices }, ahead, quiet).map((snr, place) => Math.min(rate(snr), dataLeft[behind[place % behind.length]]));
+    return { action, ahead, heard };
+  }));
+  const made = new Map();
+  return (open, weight) => kept(made, [weight, ...open].join(), () => {
+    const places = open.map((k) => behind.indexOf(k));
+    const offer = ({ heard }) => {
+      let all = 0;
+      for (let slot = 0; slot < CHANNEL.slots; slot++) all += Math.max(...places.map((k) => heard[slot * behind.length + k]));
+      return weight * all + REWARDS.movement;
+    };
+    const offers = moves.map((some) => some.map((move) => ({ ...move, brings: offer(move) })));
+    const most = [new Float32Array(city.kinds.length).fill(-Infinity)];
+    const action = [null];
+    for (let time = 1; time <= timeLeft; time++) {
+      const [before, values, actions] = [most.at(-1), most[0].slice(), new Uint8Array(city.kinds.length)];
+      near.forEach((cell, place) => {
+        if (timeToLand[cell] > time) return;
+        let [value, best] = city.landing[cell] ? [0, LAND] : [-Infinity, HOVER];
+        for (const { action: move, ahead, brings } of offers[place]) {
+          if (brings + before[ahead] > value) [value, best] = [brings + before[ahead], move];
+        }
+        [values[cell], actions[cell]] = [value, best];
+      });
+      most.push(values);
+      action.push(actions);
+    }
+    return { most, action };
+  });
+}
 
 function reasonOf(flight, step, timeToLand, otherwise, more) {
   const { uavCell, dataLeft, landed } = flight;

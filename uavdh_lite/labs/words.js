@@ -138,12 +138,12 @@ const TEMPLATES = {
     return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}${both ? comparison(both, second) : ""}.`;
   },
 
-  missed({ left, least, best }) {
-    const behind = `It leaves ${units(left)} units behind`;
-    if (!best) return `${behind}; no detour to hover for the data of a device and be home in time would bring ${least} more than its steps cost, without fading.`;
-    const { device, where: [row, col], moves, hovers, each } = best;
-    const there = moves ? `fly ${steps(moves)} to row ${row}, column ${col} and hover there` : "hover here";
-    return `${behind}. In time for home, it could still ${there} for ${steps(hovers)}, for ${units(each)} units a step from device ${device}, without fading.`;
+  missed({ left, least, none, could }) {
+    const behind = `It leaves ${units(left)} units behind.`;
+    if (none) return `${behind} From here, no flight could bring ${least} units more than its steps cost and be home in time, without fading.`;
+    if (!could) return behind;
+    const from = listed(could.devices.map((device) => `device ${device}`));
+    return `${behind} From here, it could still collect ${units(could.amount)} of them from ${from} and be home in time, in ${steps(could.steps)}, without fading.`;
   },
 
   place: ({ source, licence }) =>
