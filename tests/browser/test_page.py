@@ -623,7 +623,7 @@ def test_a_real_place_is_chosen_and_flown_by_its_table(page):
 
 def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):
     open_tool(page, "Think")
-    press(page, "Closest call")
+    press(page, "Closest decision")
     step = shown_step(page)
     expect(page.locator(".says-why")).to_contain_text(f"Next, step {step + 1}: ")
     bars = page.locator(".q u").evaluate_all(
@@ -752,7 +752,7 @@ def test_a_link_a_file_and_a_reload_bring_back_a_fresh_page_as_it_is(browser, ad
         slider.press("ArrowLeft")
         assert opened_by_link(last - 1) == "Compare"  # while the story's 100 missions are flown
         open_tool(page, "Think")
-        press(page, "Closest call")
+        press(page, "Closest decision")
         step = shown_step(page)
         assert step < last and opened_by_link(step) == "Think"
         choose(page, "layer", "buildings")

@@ -648,6 +648,8 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
         "stake": True,
         "smaller": {"step": 2, "gap": pytest.approx(0.1), "empty": True},
     }
+    forced = "() => think_js.closestCall({ values: [[-Infinity, 3]], dataLeft: [[9]] })"
+    assert modules(forced) is None  # no choice, so nothing is close
     said = f"([flight, what]) => think_js.choices(flight, {WHERE}).map((each) => each[what])"
     calls = flight | {"values": [[5, 1], [5, 4.9], [5, 4.9]], "states": [0, 0, 0]}
     told = {"brings": 9, "instead": 2, "over": None, "home": 0, "hidden": [], "seen": []}

@@ -18,12 +18,15 @@ function runnerUp(values) {
 
 /**
  * The step with the smallest gap while data is left to be had, else the smallest of all; then also where a later gap is smaller.
+ * Null if no step leaves a choice.
  * @param {import("./flights.js").Flight} flight of an agent
  */
 export function closestCall({ values, dataLeft }) {
   const all = values.map((each, step) => ({ step, gap: runnerUp(each).gap, stake: sum(dataLeft[step]) >= STAKE }));
-  const serious = all.filter(({ gap, stake }) => stake && Number.isFinite(gap));
-  const [closest, smallest] = [serious.length ? serious : all, all].map((some) => some.reduce((one, other) => (other.gap < one.gap ? other : one)));
+  const open = all.filter(({ gap }) => Number.isFinite(gap));
+  if (!open.length) return null;
+  const serious = open.filter(({ stake }) => stake);
+  const [closest, smallest] = [serious.length ? serious : open, open].map((some) => some.reduce((one, other) => (other.gap < one.gap ? other : one)));
   const { step, gap } = closest;
   return { step, gap, stake: serious.length > 0, smaller: smallest === closest ? null : { step: smallest.step, gap: smallest.gap, empty: sum(dataLeft[smallest.step]) < NONE } };
 }

@@ -209,13 +209,15 @@ export const TOOLS = {
         return `<h2>No agent knows this city</h2><p>Choose another city, or paint one of at most 16 by 16 cells: the
           ${term("any-city agent")} flies there.</p>`;
       }
-      const { step, gap, stake, smaller } = panel.closest;
+      const { step, gap, stake, smaller } = panel.closest ?? {};
       const instead = panel.instead && `${upper(panel.instead.subject)} ${panel.instead.you ? "have" : "has"} no ${panel.number}s: here the ${panel.agent} thinks and flies.`;
       const later = smaller ? `; at step ${smaller.step + 1} it is ${gapOf(smaller.gap)}, but ${smaller.empty ? "nothing" : "hardly anything"} is left then` : "";
       const idle = stake ? `, the smallest while there was still a unit of data or more to collect${later}.` : ". Hardly anything was left to collect, so little depends on it.";
       return `<div role="status"><h2 class="says-why"></h2></div>${instead ? `<p><b>${explained(instead)}</b></p>` : ""}
         <h3>${term(panel.number, `${panel.number}s`)}: the longer the bar, the better (best: <span class="most"></span>)</h3><div class="q"></div><p class="missed"></p>
-        <div class="row">${button("Closest call", { show: step })} <small>step ${step + 1}: a gap of ${gapOf(gap)}${idle}</small></div>
+        <div class="row">${panel.closest
+          ? `${button("Closest decision", { show: step })} <small>step ${step + 1}: a gap of ${gapOf(gap)}${idle}</small>`
+          : "<small>No step leaves a choice between two actions.</small>"}</div>
         <div class="row">${chooser("layer", "layer", LAYERS.map((name) => [name, name]), looks.layer)}
         <label><input type="checkbox" data-set="centred" ${looks.centred ? "checked" : ""}> centred, as the network sees it</label></div>
         <div class="layer-scale"></div><p class="meaning"></p>
