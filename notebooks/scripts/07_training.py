@@ -200,9 +200,8 @@ Quiz("huge_penalty")
 
 # %% [markdown]
 # **The lazy agent.** What if a crash costs 150 units from the start? The next cell compares such a
-# recipe with `lite`, in which the cost begins at 10. The three recorded runs of each used an
-# earlier map of Manhattan. Each run has only 300,000 steps, so whatever changes during a run
-# changes faster than in longer runs.
+# recipe with `lite`, in which the cost begins at 10, by three recorded runs of each. Each run has
+# only 300,000 steps, so whatever changes during a run changes faster than in longer runs.
 
 # %%
 study = read_table(data_folder() / "runs/deviations-manhattan.csv.gz")
@@ -213,7 +212,8 @@ for variant, crash in names.items():
         print(f"{crash:<20}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
 
 # %% [markdown]
-# With the large penalty all three agents land safely, but they leave most of the data where it is.
+# With the large penalty all three agents nearly always land, but they leave most of the data where
+# it is.
 # The paper's method has the same penalty and gets past this stage, as 7.5 shows.
 #
 # **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home.
@@ -276,9 +276,8 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # only for flights that the present agent makes without exploring. (A *Monte Carlo* target takes all
 # rewards to the end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
 #
-# `lite` also halves the cost of a step, to 0.1 units. In a study with an earlier version of the
-# program, this lowered the return by 1.5 units ([the page on the
-# recipe](../docs/results/recipe.md)).
+# `lite` also halves the cost of a step, to 0.1 units. In short runs over Manhattan, this made no
+# difference that could be seen ([the page on the recipe](../docs/results/recipe.md)).
 #
 # The **paper's method** makes an update for every step, once its memory holds 25,000 random steps.
 # The picture shows *training* flights from three runs of each recipe; the runs of `plain` were
