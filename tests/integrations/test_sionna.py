@@ -119,3 +119,12 @@ def test_without_a_processor_to_trace_on_the_error_says_what_is_missing(monkeypa
     monkeypatch.setattr("builtins.__import__", failing)
     with pytest.raises(InputError, match="DRJIT_LIBLLVM_PATH"):
         sionna._sionna()
+
+
+def test_an_llvm_that_would_end_the_process_is_refused(tracer, monkeypatch):
+    import drjit
+
+    monkeypatch.setattr(drjit.detail, "llvm_version", lambda: (16, 0, 6))
+    monkeypatch.setattr("mitsuba.variant", lambda: "llvm_ad_mono_polarized")
+    with pytest.raises(InputError, match=r"\(found LLVM 16\); on a CPU it needs LLVM 17"):
+        Tracer(CANYON)

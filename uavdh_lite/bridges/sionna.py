@@ -1,6 +1,6 @@
 """Ray tracing by Sionna RT: a place in one of its scenes becomes a city and a table of gains.
 
-Needs the extra `sionna`; on a CPU also LLVM 16 or later, whose library `DRJIT_LIBLLVM_PATH` names.
+Needs the extra `sionna`; on a CPU also LLVM 17 or later, whose library `DRJIT_LIBLLVM_PATH` names.
 """
 
 import json
@@ -47,8 +47,9 @@ class Tracer:
     | --- | --- | --- |
     | `height_m` | (M, M, 5, 5) | how high something stands at points of each cell, m; 0: nothing |
 
-    Raises `MissingExtra` without Sionna RT; `InputError` without LLVM, for an unknown scene, and
-    for a place that is not on the ground of the scene or whose ground is not nearly level.
+    Raises `MissingExtra` without Sionna RT; `InputError` without LLVM or with an old one, for an
+    unknown scene, and for a place that is not on the scene's ground or whose ground is not nearly
+    level.
     """
 
     def __init__(self, place: Place):
@@ -157,13 +158,18 @@ def _sionna() -> tuple[Any, Any]:
     """The modules of Sionna RT and of Mitsuba."""
     with extra("sionna"):
         try:
+            import drjit
             import mitsuba
             from sionna import rt
+
+            llvm = drjit.detail.llvm_version()[0]
+            if mitsuba.variant().startswith("llvm") and llvm < 17:  # it would end the process
+                raise ImportError(f"found LLVM {llvm}")
         except ModuleNotFoundError:
             raise
         except ImportError as error:
             raise InputError(
-                f"Sionna RT has no processor to trace on ({error}); on a CPU it needs LLVM 16 or "
+                f"Sionna RT has no processor to trace on ({error}); on a CPU it needs LLVM 17 or "
                 "later, such as Debian's libllvm19, and its path in DRJIT_LIBLLVM_PATH"
             ) from None
     return rt, mitsuba
