@@ -192,7 +192,7 @@ function shower(panel, film, flight) {
 // What happened in a step; for the last one, how the flight ended.
 function sentence({ devices }, { path, left, refused, ending }, { step, uploads }) {
   if (step === path.length - 1) return ending;
-  if (step === 0) return `Starts with ${left[0].at(-1)} units of time.`;
+  if (step === 0) return `Starts with ${left[0].at(-1)} unit${left[0].at(-1) === 1 ? "" : "s"} of time.`;
   const [down, right] = [0, 1].map((axis) => path[step][axis] - path[step - 1][axis]);
   const action = refused[step - 1];
   let does = "hovers";
@@ -218,9 +218,9 @@ function aboutCell({ city, devices }, [row, col], { amounts }) {
 }
 
 // Which device the violet cells belong to, if there are any.
-function aboutShadow({ devices }, shadowed) {
+function aboutShadow({ devices, traced }, shadowed) {
   const { number, hidden = [] } = devices[shadowed] ?? {};
-  return hidden.some((row) => row.includes("#")) ? `Violet: hidden from device ${number}.` : "";
+  return hidden.some((row) => row.includes("#")) ? `Violet: hidden from device ${number}${traced ? ", by the model" : ""}.` : "";
 }
 
 // From here on: HTML and SVG as text

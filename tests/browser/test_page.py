@@ -301,7 +301,7 @@ def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(brows
         choose(page, "city", "village")
         open_tool(page, "Fly")
         assert visible(page, ".tell")
-        press(page, "Tell the story")  # from its beginning, over its own city
+        press(page, "A story first")  # from its beginning, over its own city
         expect(caption).to_contain_text("Two drones, one mission")
         expect(page.locator(".controls output")).to_have_text(re.compile("^0 of"))
         expect(page.locator("[data-set=city]")).to_have_value("manhattan")
@@ -394,7 +394,9 @@ def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
     expect(page.locator(".refusal")).to_contain_text("this flight is over")
     page.locator(".refusal").click()
     expect(page.locator(".refusal")).to_be_hidden()
+    heading = page.locator(".card h2").inner_text()
     press(page, "Compare with greedy")
+    expect(page.locator("#panel h2").first).to_contain_text(f"{heading}:")  # both say the same
     expect(page.locator(".flight .name")).to_have_text(["you", "greedy"])
     open_tool(page, "Fly")
     press(page, "New")
@@ -594,6 +596,10 @@ def test_a_real_place_is_chosen_and_flown_by_its_table(page):
         "by the model, not by the traced",
     )
     expect(shadow).to_contain_text(model)
+    open_tool(page, "Think")
+    expect(
+        page.get_by_text(re.compile(r"^Violet: hidden from device \d, by the model\.$"))
+    ).to_be_visible()
     open_tool(page, "Channel")
     expect(page.locator(".ledger")).to_contain_text("in flights, from traced rays")
     both = re.compile(

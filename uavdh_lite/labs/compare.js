@@ -66,13 +66,17 @@ export function verdict(who, results) {
   if (won.landed && !lost.landed) return { kind: "crash", ...both };
   const gained = won.collected - lost.collected;
   const sooner = lost.steps - won.steps;
-  const more = Math.abs(gained) >= (sooner ? ENOUGH : LITTLE) ? gained : 0;
+  const more = Math.abs(gained) >= (sooner && gained > 0 ? ENOUGH : LITTLE) ? gained : 0; // who brings less does not win
   const refusals = gained < 0 && -REWARDS.movement * sooner <= -gained; // time does not explain it
   return { kind: wins(won, lost) ? "wins" : "ahead", ...both, more, sooner, by: Math.abs(difference), refusals };
 }
 
-/** By how much the first's return is ahead, as it is shown. */
-const lead = ([first, second]) => Number((first.return - second.return).toFixed(1));
+/** By how much the first's return is ahead, as both are shown. */
+export function lead(results) {
+  const [first, second] = results.map((each) => Number(each.return.toFixed(1)));
+  return Number((first - second).toFixed(1));
+}
+
 const wins = (won, lost) => lead([won, lost]) > AHEAD && won.collected - lost.collected > -LITTLE;
 
 /** Who of two that landed brings more data, or as much sooner, and by how much. */
@@ -206,10 +210,12 @@ function sealedLeft(flight, { stretches, hovers }, environment) {
   return hidden ? has(stretches.at(-1)) : [];
 }
 
-/** The first step of the way home, from which each step leads nearer to the landing. */
+/** The first step of the way home, from which each step leads nearer to the landing, or on over the landing zone. */
 export function turnsHome({ uavCell, action }, timeToLand) {
+  const home = (k) => timeToLand[uavCell[k]];
+  const goes = (k) => home(k + 1) < home(k) || (home(k) === 1 && home(k + 1) === 1 && uavCell[k + 1] !== uavCell[k]);
   let step = action.length - 1;
-  while (step > 0 && timeToLand[uavCell[step]] < timeToLand[uavCell[step - 1]]) step -= 1;
+  while (step > 0 && goes(step - 1)) step -= 1;
   return step;
 }
 

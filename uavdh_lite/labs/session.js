@@ -2,7 +2,7 @@
 // that no computation stops the drawing.
 
 import { hiddenRows, ledger } from "./channel.js";
-import { RULE, isDuel, parting, reasons, verdict } from "./compare.js";
+import { RULE, isDuel, lead, parting, reasons, verdict } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, readAgent, valueMap } from "./pilots.js";
 import { kinkOf, pointFact, raceFacts } from "./race.js";
@@ -276,9 +276,11 @@ export class Session {
   }
 
   panels = {
-    fly([you, ghost]) {
+    fly(flights) {
+      const [you, ghost] = flights.map(numbers);
       const rival = whoIs(this.ghost, this.agents);
-      return { you: numbers(you), ghost: numbers(ghost), rival, ranking: this.ranking.slice(0, RANKED) };
+      const end = you.ended ? sentence({ kind: "end", verdict: verdict([whoIs(YOU, this.agents), rival], [you, ghost]) }) : "";
+      return { you, ghost, rival, end, ranking: this.ranking.slice(0, RANKED) };
     },
     compare(flights) {
       const who = this.stage.policies.map((name) => whoIs(name, this.agents));
@@ -301,6 +303,7 @@ export class Session {
       const name = this.thinker;
       if (!name) return { agent: null };
       const agents = this.known(mission.city).filter((each) => this.agents[each]);
+      const says = choices(flight, this.hangar);
       return {
         name,
         agent: whoIs(name, this.agents).title,
@@ -310,8 +313,8 @@ export class Session {
         actions: ACTIONS,
         values: flight.values.map((each) => Array.from(each)),
         closest: closestCall(flight),
-        says: choices(flight, this.hangar).map(sentence),
-        missed: missed(flight, this.hangar).map((fact) => (fact ? sentence(fact) : "")),
+        says: says.map(sentence),
+        missed: missed(flight, says, this.hangar).map((fact) => (fact ? sentence(fact) : "")),
       };
     },
     channel() {
@@ -441,8 +444,7 @@ export class Session {
       if (!you.ended) return;
       const ghost = numbers(hangar.flight(this.ghost));
       const { city, flyingTime } = stage.mission;
-      const [mine, its] = [you, ghost].map((each) => Number(each.return.toFixed(1))); // as they are shown
-      const rank = { city: city.name, time: flyingTime, ...you, ahead: mine - its, ghost: whoIs(this.ghost, this.agents).title };
+      const rank = { city: city.name, time: flyingTime, ...you, ahead: lead([you, ghost]), ghost: whoIs(this.ghost, this.agents).title };
       this.ranking = [...this.ranking, rank].sort((one, other) => other.ahead - one.ahead);
     },
     /** The next mission in which the first policy wins (1), loses (−1), or is level (0); a search that found none goes on. */

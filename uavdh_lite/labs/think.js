@@ -44,7 +44,7 @@ export function choices(flight, { mission, environment }) {
     const other = environment.transition(state, second, environment.drawFading(state, generator));
     const [brings, instead] = [sum(flight.dataLeft[step]) - sum(flight.dataLeft[step + 1]), sum(other.outcome.uploaded)];
     const more = instead <= brings - LESS;
-    const reason = reasonOf(flight, step, environment.timeToLand, other.state.uavCell, more);
+    const reason = reasonOf(flight, step, environment, other.state.uavCell, more);
     const now = reason?.kind === "gives" && reason.within === 1;
     const close = gap < CLOSE && sum(flight.dataLeft[step]) >= STAKE;
     return {
@@ -78,16 +78,18 @@ function beside({ uavCell, dataLeft, intervened }, step, { state, outcome }, { m
 }
 
 /**
- * For each step of the way home of a flight that leaves data behind, null for others: a fact about what could still have been had in time.
+ * For each step of a flight that leaves data behind from where it `says` that it flies home, null for others: a fact about what could still
+ * have been had in time.
  * `could` is a flight on from there that brings `least` or more beyond what its steps cost: how much more, from which devices, in how many
  * steps. It is null if none was found; `none`: there is none. All without fading.
  */
-export function missed(flight, { environment }) {
+export function missed(flight, says, { environment }) {
   const { timeToLand } = environment;
   const end = flight.dataLeft.at(-1);
   const behind = [...end.keys()].filter((k) => end[k] >= NONE);
   if (!flight.landed || sum(end) < ENOUGH) return Array.from(flight.action, () => null);
-  const turns = turnsHome(flight, timeToLand);
+  const goes = says.findIndex(({ reason }) => reason?.kind === "home" || reason?.home);
+  const turns = Math.min(turnsHome(flight, timeToLand), goes < 0 ? Infinity : goes);
   const ways = waysOn(environment, flight.states[turns], behind);
   const of = (left) => sum(behind.map((k) => left[k]));
   let later = null; // it may fly on as it does and turn off then
@@ -162,8 +164,9 @@ function waysOn(environment, { deviceCells, timeLeft, dataLeft }, behind) {
   });
 }
 
-function reasonOf(flight, step, timeToLand, otherwise, more) {
-  const { uavCell, dataLeft, landed } = flight;
+function reasonOf(flight, step, environment, otherwise, more) {
+  const { uavCell, dataLeft, landed, states } = flight;
+  const { timeToLand } = environment;
   const [action, left] = [flight.action[step], flight.timeLeft[step]];
   const [home, after] = [timeToLand[uavCell[step]], timeToLand[uavCell[step + 1]]];
   const given = dataLeft.slice(step + 1).map((later) => dataLeft[step].map((each, k) => each - later[k]));
@@ -181,8 +184,12 @@ function reasonOf(flight, step, timeToLand, otherwise, more) {
     const device = given[within - 1].indexOf(amount);
     const all = sum(given[within - 1]);
     const stays = uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
-    if (action !== HOVER || stays) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back, home: goes };
-  } else if (landed && after < home) return { kind: "home", home, left, now: false };
+    const from = states[step].deviceCells[device];
+    const snrs = environment.meanSnrDb ? environment.tracedSnrs(from) : environment.snrMap(from);
+    const nears = uavCell.slice(step + 1, step + within + 1).some((cell) => snrs[cell] > snrs[uavCell[step]]);
+    if (action === HOVER ? stays : within === 1 || nears) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back, home: goes };
+  }
+  if (landed && after < home) return { kind: "home", home, left, now: false };
   if (since >= 0 && since <= step) return { kind: "idle", since: since < step ? since : 0 };
   if (action !== HOVER) return null;
   let until = step + 1; // steps after which it does something else

@@ -130,7 +130,7 @@ export const TOOLS = {
         : "";
       const meet = [{ kind: "policy", which: 1, name: rival.name }, { kind: "policy", which: 0, name: "you" }, { kind: "tool", tool: "compare" }];
       const both = tools.includes("compare") ? button(`Compare with ${escaped(rival.subject)}`, meet) : "";
-      const head = you.ended ? this.card(you, ghost, rival, refusals, both) : this.help(you, rival, tells);
+      const head = you.ended ? this.card(panel, refusals, both) : this.help(you, rival, tells);
       const known = state.known.filter(([name]) => name !== "you");
       return `<div class="beside">${pad}<div class="row">${button("Again", { kind: "again" })}
         ${chooser("ghost", "policy-1", known, rival.name)}</div></div>
@@ -144,18 +144,15 @@ export const TOOLS = {
       return `<b>Refused: ${action}</b>, ${why}. It costs a unit of time and 1 of the return.`;
     },
     help: (you, rival, tells) => `<div class="beside"><h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
-      ${tells && !you.steps ? '<button type="button" class="tell">Tell the story</button>' : ""}</div>
+      ${tells && !you.steps ? '<button type="button" class="tell">A story first</button>' : ""}</div>
       <p>Collect the ${term("data units", "data")} and land on a blue cell in time. Press the
       buttons, or keys: arrows move, space hovers, L lands; ↶ takes a move back. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
-    card(you, ghost, rival, no, both) {
-      const ahead = you.return - ghost.return;
+    card({ you, ghost, rival, end: heading }, no, both) {
       const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} step${each.steps === 1 ? "" : "s"}`;
       const end = you.landed ? `You landed with ${home(you)}.` : "The time ran out before you landed.";
       const other = ghost.landed ? home(ghost) : "a crash";
       const refused = no ? ` Refused actions: ${no}; each cost 1 of the return and a unit of time.` : "";
-      const other_ = escaped(rival.subject);
-      const names = ahead > 0 ? `You win against ${other_}` : `${upper(other_)} wins`;
-      return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? `You and ${other_} are level` : names}</h2>${both}
+      return `<div class="card" role="status"><h2>${explained(heading)}</h2>${both}
         <p>${end}${refused} ${explained(upper(rival.title))}: ${other}. ${term("return", "Return")}:
         ${signed(you.return)} against ${signed(ghost.return)}.</p></div>`;
     },
@@ -190,7 +187,7 @@ export const TOOLS = {
       const ring = parting === null ? "" : `<small>Orange ring: where each is before step ${parting + 1}.</small>`;
       return `<h2>${explained(verdict)}</h2><div class="row">${go}${ring}</div><p class="why">${explained(why.join(" "))}</p>
         <div class="choices"><div class="row">${forAgents(scene, "Find a duel",
-          `Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)} <small>${rule}</small>`)}</div>
+          `Find a duel: ${duel(`${first} wins`, 1)}${duel(`${second} wins`, -1)}${duel("nearly level", 0)}`)} <small>${rule}</small></div>
         ${choosePolicies(scene, "left", "right")}</div>
         <table>${flown}${average(scene)}</table><div class="row">${manyButton(scene)}</div>`;
     },

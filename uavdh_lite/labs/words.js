@@ -67,9 +67,9 @@ const TEMPLATES = {
     if (!more) return `Nearly level: both bring ${data.toFixed(1)} units${home ? `, and ${says(who, "is", home)}` : " in the same time"}.`;
     return `Nearly level: ${says(who, "brings", `${units(more)} units more`)}${home ? `, ${sooner > 0 ? "and" : "but"} ${is} ${home}` : ""}.`;
   },
-  crashes: () => "Both crash, because the time runs out: all that was collected is lost.",
+  crashes: () => "Both crash, because the time runs out: no data is brought home.",
   crash: ({ who, other }) =>
-    `${upper(says(who, "wins"))}, because the time runs out before ${says(other, "lands")}: all that was collected is lost.`,
+    `${upper(says(who, "wins"))}, because the time runs out before ${says(other, "lands")}: ${other.you ? "your" : "its"} data is lost.`,
   wins: (fact) => `${upper(says(fact.who, "wins"))}: ${gained(fact)}.`,
   ahead(fact) {
     const { who, more, sooner, by, refusals } = fact;
@@ -79,6 +79,8 @@ const TEMPLATES = {
     const why = refusals ? "fewer actions are refused" : says(they, "is", homeSooner(sooner));
     return `${leads}, although ${says(they, "brings", `${(-more).toFixed(1)} units less`)}, because ${why}.`;
   },
+  end: ({ verdict: { kind, who } }) =>
+    ({ level: "Nearly level", crashes: "Both crash" })[kind] ?? upper(kind === "ahead" ? says(who, "is", "ahead") : says(who, "wins")),
   same: ({ step }) => step < 0 ? "Both fly the same way."
     : `They first act differently at step ${step + 1}, but end at the same time in the same cell, with about the same data.`,
   part: ({ step, acts, ends }) =>
@@ -140,8 +142,8 @@ const TEMPLATES = {
 
   missed({ left, least, none, could }) {
     const behind = `It leaves ${units(left)} units behind.`;
-    if (none) return `${behind} From here, no flight could bring ${least} units more than its steps cost and be home in time, without fading.`;
-    if (!could) return behind;
+    if (none) return `${behind} From here, no flight home in time could collect ${least} units of them beyond what its extra steps cost, without fading.`;
+    if (!could) return `${behind} From here, this page finds no flight home in time that collects ${least} units of them beyond what its extra steps cost, but there may be one.`;
     const from = listed(could.devices.map((device) => `device ${device}`));
     return `${behind} From here, it could still collect ${units(could.amount)} of them from ${from} and be home in time, in ${steps(could.steps)}, without fading.`;
   },
