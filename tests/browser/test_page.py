@@ -597,6 +597,7 @@ def test_a_real_place_is_chosen_and_flown_by_its_table(page):
     )
     expect(shadow).to_contain_text(model)
     open_tool(page, "Think")
+    page.get_by_role("slider", name="step").fill("10")
     expect(
         page.get_by_text(re.compile(r"^Violet: hidden from device \d, by the model\.$"))
     ).to_be_visible()

@@ -191,7 +191,7 @@ VERDICTS = [
     ({"return": 9.5, "collected": 4.54, "steps": 1}, {"collected": 5.0, "steps": 36},
      "One is ahead by 6.5 in return, although it brings 0.5 units less, "
      "because it is home 35 steps sooner."),
-    ({"return": 3.64}, {"return": 2.16}, "One is ahead by 1.4 in return: fewer refusals."),  # 3.6, 2.2
+    ({"return": 3.64}, {"return": 2.16}, "One is ahead by 1.4 in return: fewer refusals."),
 ]  # fmt: skip
 
 
@@ -598,7 +598,7 @@ def prospects(environment, state, behind):
     return best
 
 
-# In time for 8.5 units; in time at first, then too late; past two devices; in time, unclear, too late
+# In time for 8.5 units; in time, then too late; past two devices; in time, unclear, too late
 @pytest.mark.parametrize(
     ("number", "said"),
     [(44, "could"), (31, "could none"), (365, "could"), (1, "could left none"), (6, "left")],
