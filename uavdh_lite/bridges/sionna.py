@@ -163,7 +163,7 @@ def _sionna() -> tuple[Any, Any]:
             from sionna import rt
 
             llvm = drjit.detail.llvm_version()[0]
-            if mitsuba.variant().startswith("llvm") and llvm < 17:  # it would end the process
+            if str(mitsuba.variant()).startswith("llvm") and llvm < 17:  # it would end the process
                 raise ImportError(f"found LLVM {llvm}")
         except ModuleNotFoundError:
             raise
