@@ -168,7 +168,7 @@ VERDICTS = [
     ({"collected": 5.4}, {"steps": 9},
      "Nearly level: one brings 0.4 units more, but is home 1 step later."),
     ({}, {"collected": 5.06, "steps": 11},
-     "Nearly level: two brings 0.06 units more, but is home 1 step later."),
+     "Nearly level: two brings 0.1 units more, but is home 1 step later."),
     ({"landed": False}, {}, "Nearly level."),
     ({"landed": False}, {"landed": False},
      "Both crash, because the time runs out: no data is brought home."),
@@ -191,6 +191,10 @@ VERDICTS = [
     ({"return": 9.5, "collected": 4.54, "steps": 1}, {"collected": 5.0, "steps": 36},
      "One is ahead by 6.5 in return, although it brings 0.5 units less, "
      "because it is home 35 steps sooner."),
+    ({"return": 5.4, "collected": 5.36, "steps": 9}, {},
+     "One wins: 0.4 units more, home 1 step sooner."),
+    ({"return": 5.4, "collected": 4.96, "steps": 9}, {"collected": 5.04},
+     "One wins: home 1 step sooner."),
     ({"return": 3.64}, {"return": 2.16}, "One is ahead by 1.4 in return: fewer refusals."),
 ]  # fmt: skip
 
@@ -644,7 +648,7 @@ def test_on_the_way_home_is_said_what_could_still_have_been_had_in_time(tell, nu
         later = flights[int(np.argmax(gain))] if max(gain) >= 0.5 else (0.0, (), 0)
         assert not (none and later[1])
         text = missed[step]
-        assert text.startswith(f"It leaves {end.sum():.1f} units behind.")
+        assert text.startswith(f"It leaves {end.sum():.1f} units behind. From step {step + 1} on,")
         assert none == ("no flight home in time could collect 0.5 units of them beyond" in text)
         assert bool(later[1]) == ("it could still collect" in text)
         assert ("there may be one" in text) == (not none and not later[1])

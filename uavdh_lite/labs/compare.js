@@ -64,26 +64,26 @@ export function verdict(who, results) {
   const [won, lost] = [results[ahead], results[1 - ahead]];
   const both = { who: who[ahead], other: who[1 - ahead] };
   if (won.landed && !lost.landed) return { kind: "crash", ...both };
-  const gained = won.collected - lost.collected;
+  const more = surplus("collected", [won, lost]);
   const sooner = lost.steps - won.steps;
-  const more = Math.abs(gained) >= (sooner && gained > 0 ? ENOUGH : LITTLE) ? gained : 0; // who brings less does not win
-  const refusals = gained < 0 && -REWARDS.movement * sooner <= -gained; // time does not explain it
+  const refusals = more < 0 && -REWARDS.movement * sooner <= -more; // time does not explain it
   return { kind: wins(won, lost) ? "wins" : "ahead", ...both, more, sooner, by: Math.abs(difference), refusals };
 }
 
-/** By how much the first's return is ahead, as both are shown. */
-export function lead(results) {
-  const [first, second] = results.map((each) => Number(each.return.toFixed(1)));
+/** How much more the first of two results has of what a `name` names, as both are shown. */
+function surplus(name, results) {
+  const [first, second] = results.map((each) => Number(each[name].toFixed(1)));
   return Number((first - second).toFixed(1));
 }
 
-const wins = (won, lost) => lead([won, lost]) > AHEAD && won.collected - lost.collected > -LITTLE;
+/** By how much the first's return is ahead. */
+export const lead = (results) => surplus("return", results);
+const wins = (...both) => lead(both) > AHEAD && surplus("collected", both) >= 0;
 
 /** Who of two that landed brings more data, or as much sooner, and by how much. */
 function gains(who, results) {
   if (!results.every(({ landed }) => landed)) return {};
-  const [shown, other] = results.map(({ collected }) => collected.toFixed(1));
-  const more = shown === other ? 0 : results[0].collected - results[1].collected;
+  const more = surplus("collected", results);
   const sooner = results[1].steps - results[0].steps;
   const first = (more || sooner) >= 0;
   return { who: who[first ? 0 : 1], data: results[0].collected, more: Math.abs(more), sooner: first ? sooner : -sooner };

@@ -103,7 +103,7 @@ export function missed(flight, says, { environment }) {
     const gain = ({ amount, steps }) => amount + REWARDS.movement * (steps - home);
     const could = [...all, ...(later ? [{ ...later, steps: later.steps + 1 }] : [])].reduce((one, other) => (gain(other) > gain(one) ? other : one), { amount: 0, steps: home });
     later = gain(could) >= ENOUGH ? could : null;
-    facts[step] = { kind: "missed", left: sum(end), least: ENOUGH, none, could: later };
+    facts[step] = { kind: "missed", step, left: sum(end), least: ENOUGH, none, could: later, fades: !environment.meanSnrDb };
   }
   return facts;
 }

@@ -140,12 +140,13 @@ const TEMPLATES = {
     return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}${both ? comparison(both, second) : ""}.`;
   },
 
-  missed({ left, least, none, could }) {
-    const behind = `It leaves ${units(left)} units behind.`;
-    if (none) return `${behind} From here, no flight home in time could collect ${least} units of them beyond what its extra steps cost, without fading.`;
-    if (!could) return `${behind} From here, this page finds no flight home in time that collects ${least} units of them beyond what its extra steps cost, but there may be one.`;
-    const from = listed(could.devices.map((device) => `device ${device}`));
-    return `${behind} From here, it could still collect ${units(could.amount)} of them from ${from} and be home in time, in ${steps(could.steps)}, without fading.`;
+  missed({ step, left, least, none, could, fades }) {
+    const from = `It leaves ${units(left)} units behind. From step ${step + 1} on,`;
+    const still = fades ? ", without fading" : "";
+    if (none) return `${from} no flight home in time could collect ${least} units of them beyond what its extra steps cost${still}.`;
+    if (!could) return `${from} this page finds no flight home in time that collects ${least} units of them beyond what its extra steps cost, but there may be one.`;
+    const devices = listed(could.devices.map((device) => `device ${device}`));
+    return `${from} it could still collect ${units(could.amount)} of them from ${devices} and be home in time, in ${steps(could.steps)}${still}.`;
   },
 
   place: ({ source, licence }) =>
