@@ -111,6 +111,15 @@ def test_a_submission_that_hangs_ends_in_time(kind, submit):
     assert time.monotonic() - started < 10
 
 
+@pytest.fixture
+def heard():
+    """Interrupts are heard by what a test starts, also where the tests run in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process groups")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_submission_ends_with_the_command_that_flies_it(number, submit, tmp_path):
