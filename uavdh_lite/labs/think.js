@@ -176,7 +176,8 @@ function reasonOf(flight, step, environment, otherwise, more) {
   if (action === LAND) return since >= 0 && since <= step ? { kind: "done", since: since < step ? since : 0 } : null;
   const now = timeToLand[otherwise] >= home; // the second best action leads no nearer
   const goes = landed && after < home && left <= home + SPARE;
-  if (goes && (now || within !== 1 || !more)) return { kind: "home", home, left, now };
+  const way = landed && after < home && step >= turnsHome(flight, timeToLand); // no later step leads away again
+  if (goes && (now || (way && (within !== 1 || !more)))) return { kind: "home", home, left, now };
   const back = step > 0 && uavCell[step + 1] === uavCell[step - 1] && uavCell[step + 1] !== uavCell[step];
   if (back && within !== 1) return { kind: "back" };
   if (within) {
@@ -187,9 +188,9 @@ function reasonOf(flight, step, environment, otherwise, more) {
     const from = states[step].deviceCells[device];
     const snrs = environment.meanSnrDb ? environment.tracedSnrs(from) : environment.snrMap(from);
     const nears = uavCell.slice(step + 1, step + within + 1).some((cell) => snrs[cell] > snrs[uavCell[step]]);
-    if (action === HOVER ? stays : within === 1 || nears) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back, home: goes };
+    if (action === HOVER ? stays : within === 1 || nears) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back, home: goes && way };
   }
-  if (landed && after < home) return { kind: "home", home, left, now: false };
+  if (way) return { kind: "home", home, left, now: false };
   if (since >= 0 && since <= step) return { kind: "idle", since: since < step ? since : 0 };
   if (action !== HOVER) return null;
   let until = step + 1; // steps after which it does something else
