@@ -571,7 +571,7 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number, wo
                 cell = np.ravel_multi_index(mission.devices[device], mission.city.kinds.shape)
                 hears = environment.rate_map(int(cell))
                 here, *ahead = (hears[tuple(each)] for each in path[step : step + steps + 1])
-                assert max(ahead) > here
+                assert max(ahead) > here and path[step + 2] != path[step]
     assert sure == worse
 
 

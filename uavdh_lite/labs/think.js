@@ -187,7 +187,7 @@ function reasonOf(flight, step, environment, otherwise, more) {
     const stays = uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
     const from = states[step].deviceCells[device];
     const snrs = environment.meanSnrDb ? environment.tracedSnrs(from) : environment.snrMap(from);
-    const nears = uavCell.slice(step + 1, step + within + 1).some((cell) => snrs[cell] > snrs[uavCell[step]]);
+    const nears = uavCell[step + 2] !== uavCell[step] && uavCell.slice(step + 1, step + within + 1).some((cell) => snrs[cell] > snrs[uavCell[step]]);
     if (action === HOVER ? stays : within === 1 || nears) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back, home: goes && way };
   }
   if (way) return { kind: "home", home, left, now: false };
