@@ -24,7 +24,7 @@ const say = words_js.sentence;"""
 
 # Where a flight was flown: home is everywhere, and another action would bring 2 units
 WHERE = """{ mission: { fading: () => 0, devices: [] }, environment: { timeToLand: Array(9).fill(0),
-    drawFading: () => 0, snrMap: () => [...Array(10).keys()],
+    drawFading: () => 0, rateMap: () => [...Array(10).keys()],
     transition: () => ({ state: { uavCell: 0, dataLeft: [9] },
         outcome: { uploaded: [2], intervened: false } }) } }"""
 

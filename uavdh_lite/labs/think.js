@@ -175,8 +175,9 @@ function reasonOf(flight, step, environment, otherwise, more) {
   const since = emptied(flight);
   if (action === LAND) return since >= 0 && since <= step ? { kind: "done", since: since < step ? since : 0 } : null;
   const now = timeToLand[otherwise] >= home; // the second best action leads no nearer
-  const goes = landed && after < home && left <= home + SPARE;
-  const way = landed && after < home && step >= turnsHome(flight, timeToLand); // no later step leads away again
+  const nearer = landed && after < home;
+  const goes = nearer && left <= home + SPARE;
+  const way = nearer && step >= turnsHome(flight, timeToLand); // no later step leads away again
   if (goes && (now || (way && (within !== 1 || !more)))) return { kind: "home", home, left, now };
   const back = step > 0 && uavCell[step + 1] === uavCell[step - 1] && uavCell[step + 1] !== uavCell[step];
   if (back && within !== 1) return { kind: "back" };
@@ -186,8 +187,8 @@ function reasonOf(flight, step, environment, otherwise, more) {
     const all = sum(given[within - 1]);
     const stays = uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
     const from = states[step].deviceCells[device];
-    const snrs = environment.meanSnrDb ? environment.tracedSnrs(from) : environment.snrMap(from);
-    const nears = uavCell[step + 2] !== uavCell[step] && uavCell.slice(step + 1, step + within + 1).some((cell) => snrs[cell] > snrs[uavCell[step]]);
+    const heard = environment.meanSnrDb ? environment.tracedSnrs(from) : environment.rateMap(from); // how well, over each cell
+    const nears = uavCell[step + 2] !== uavCell[step] && uavCell.slice(step + 1, step + within + 1).some((cell) => heard[cell] > heard[uavCell[step]]);
     if (action === HOVER ? stays : within === 1 || nears) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back, home: goes && way };
   }
   if (way) return { kind: "home", home, left, now: false };
