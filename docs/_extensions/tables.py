@@ -399,13 +399,16 @@ def ladder(scenario: str) -> str:
 def outstanding(page: str = "") -> str:
     """The studies that the current version has not made, and the hours of one core that they need.
 
-    All of them, or those that a page such as `docs/results/any_city.md` shows.
+    All of them, or those that a page such as `docs/results/any_city.md` shows. Raises `ValueError`
+    if there are none: then the page must not say that there are.
     """
     rows = [
         [f"`{name}`", study["what"], study["outstanding"], f"{study['core_hours']:g}"]
         for name, study in tomllib.loads((RUNS / "list.toml").read_text())["studies"].items()
         if "outstanding" in study and (not page or page in study["drawn"])
     ]
+    if not rows:
+        raise ValueError(f"{page}: nothing is outstanding; take the table and its sentence away")
     return _table(["study", "what it is", "why it is listed", "core-hours"], rows)
 
 

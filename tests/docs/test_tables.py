@@ -28,3 +28,12 @@ def test_intervals_over_several_cities_are_those_of_whole_cities(monkeypatch, ta
     shown = getattr(tables, table)("any").replace("\xa0", " ")
     intervals = re.findall(r"50\.0 (?:% )?\(([^)]+)\)", shown)
     assert intervals and set(intervals) == {"12.5 to 87.5"}
+
+
+def test_a_page_with_nothing_outstanding_must_not_say_so(monkeypatch, tmp_path):
+    study = '[studies.old]\nwhat = "w"\noutstanding = "late"\ndrawn = ["a.md"]\ncore_hours = 2'
+    (tmp_path / "list.toml").write_text(study)
+    monkeypatch.setattr(tables, "RUNS", tmp_path)
+    assert "late" in tables.outstanding("a.md") and "late" in tables.outstanding()
+    with pytest.raises(ValueError, match=r"b\.md: nothing is outstanding"):
+        tables.outstanding("b.md")
