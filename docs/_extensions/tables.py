@@ -64,6 +64,7 @@ LADDER = {
     "copy": "imitation of the teacher",
     "imitation": "imitation, then reward",
     "teacher": "the teacher: a genie with a narrow search",
+    "teacher_again": "the teacher, on the 200 missions of the following two",
     "genie_data": PLANNERS["genie_data"],
     "genie": PLANNERS["genie"],
 }
