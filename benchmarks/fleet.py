@@ -136,14 +136,14 @@ class World:
             radio[:, action, :, 1] = still.snr_db(everywhere, after, fading).transpose(0, 2, 1)
         radio *= np.float32(math.log2(10) / 10)
 
-        windows = observation(self._states(np.zeros((self.cells, devices))))[0].flatten(1)
+        windows = observation(self._states(np.zeros((self.cells, devices))))[0]
+        windows = windows.permute(0, 2, 3, 1).flatten(1)
         top, left = np.divmod(cells, environment.size)
         if observation.kind == "non_centred":
             corner = observation.size - 1 - (observation.width - environment.size) // 2
             top = left = np.full(self.cells, corner)
-        spots = (
-            observation._in_window(cells, top[:, None], left[:, None]) + 3 * observation.width**2
-        )
+        spots = observation._in_window(cells, top[:, None], left[:, None])
+        spots = spots * self.map_shape[0] + 3
 
         self.moves = torch.tensor(moves.reshape(-1, 3), dtype=torch.float32, device=device)
         self.radio = torch.tensor(radio.reshape(-1, 2 * self.slots), device=device)
@@ -162,10 +162,11 @@ class World:
         cell, K = states[..., 0].long(), self.devices
         devices, initial, left = states[..., 2:].unflatten(-1, (3, K)).unbind(-2)
         spots = self.spots[cell[..., None] * self.cells + devices.long()]
-        spots = torch.cat([spots, spots + self.map_shape[1] ** 2], dim=-1)
+        spots = torch.cat([spots, spots + 1], dim=-1)
         data = torch.cat([left, initial - left], dim=-1) / self.data_scale
-        maps = self.windows[cell].scatter_add(-1, spots, data)
-        return maps.unflatten(-1, self.map_shape), states[..., 1:2] / self.time_scale
+        maps = self.windows[cell].scatter_add_(-1, spots, data)
+        maps = maps.unflatten(-1, (*self.map_shape[1:], self.map_shape[0]))
+        return maps.movedim(-1, -3), states[..., 1:2] / self.time_scale
 
     def transition(
         self, states: Tensor, action: Tensor, fading: Tensor
@@ -235,8 +236,11 @@ class Networks:
         ]
 
     def __call__(self, weights: list[Tensor], maps: Tensor, times: Tensor) -> Tensor:
-        """Q-values (R, B, 6) of R networks' maps, (R, B, channels, W, W), and times, (R, B, 1)."""
-        x, parts = maps, iter(weights)
+        """Q-values, (n · R, B, 6), of n · R networks for maps, (R, B, channels, W, W), and times,
+        (R, B, 1)."""
+        groups = len(weights[0]) // len(maps)  # two, if two networks are asked about a state
+        x, parts = maps.movedim(-3, -1).repeat(groups, 1, 1, 1, 1), iter(weights)
+        times = times.repeat(groups, 1, 1)
         for layer in self.layers:
             if isinstance(layer, nn.Conv2d):
                 x = self._convolved(x, layer, next(parts), next(parts))
@@ -250,17 +254,16 @@ class Networks:
             elif isinstance(layer, nn.LeakyReLU):
                 x = functional.leaky_relu(x, layer.negative_slope)
             else:  # flattened
-                x = torch.cat([x.flatten(2), times], dim=2)
+                x = torch.cat([x.movedim(-1, -3).flatten(2), times], dim=2)
         return x
 
     def _convolved(self, x: Tensor, layer: nn.Conv2d, weight: Tensor, bias: Tensor) -> Tensor:
         """A convolution as one product of matrices: each row is what a kernel sees of a map."""
         side, stride = layer.kernel_size[0], layer.stride[0]
-        seen = x.unfold(3, side, stride).unfold(4, side, stride)  # (R, B, channels, H, W, k, k)
-        runs, count, _, rows, cols, *_ = seen.shape
-        seen = seen.permute(0, 1, 3, 4, 2, 5, 6).reshape(runs, count * rows * cols, -1)
-        x = torch.baddbmm(bias[:, None], seen, weight)
-        return x.view(runs, count, rows, cols, -1).permute(0, 1, 4, 2, 3)
+        seen = x.unfold(2, side, stride).unfold(3, side, stride)  # (R, B, H, W, channels, k, k)
+        runs, count, rows, cols, *_ = seen.shape
+        seen = seen.reshape(runs, count * rows * cols, -1)
+        return torch.baddbmm(bias[:, None], seen, weight).view(runs, count, rows, cols, -1)
 
 
 class Captured:
@@ -482,7 +485,7 @@ class Fleet:
     def sample(self, plan: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Minibatches of transitions over n steps, the newest of each environment first.
 
-        Returns the states s, s' and s' again, (3, R, B, F), the action, the reward and the
+        Returns the states s and s', (2, R, B, F), the action, the reward and the
         discount, (R, B).
         """
         n, N = self.recipe.return_steps, self.N
@@ -496,7 +499,7 @@ class Fleet:
         before = torch.cat([torch.ones_like(alive[..., :1]), alive[..., :-1]], dim=-1)
         reward = (before * self.powers * rewards).sum(-1)
         discount = self.recipe.discount**n * alive[..., -1]
-        both = torch.stack([first, first + n, first + n]) % self.L
+        both = torch.stack([first, first + n]) % self.L
         rows = self.memory[self.run, both, lane]
         return rows[..., : self.F], rows[0, ..., self.F].long(), reward, discount
 
@@ -509,7 +512,7 @@ class Fleet:
         """The loss of each run for these transitions."""
         maps, times = self.world.observe(states)
         with torch.no_grad():  # the Q-values of s' by the online and the target network
-            after = self.networks(self.both, maps[1:].flatten(0, 1), times[1:].flatten(0, 1))
+            after = self.networks(self.both, maps[1], times[1])
             after = after.unflatten(0, (2, -1)).flatten(1, 2)
             y = ddqn_target(reward.flatten(), discount.flatten(), *after).view_as(reward)
         q = self.networks(leaves, maps[0], times[0]).gather(-1, action[..., None])[..., 0]
@@ -795,7 +798,8 @@ def main(arguments: list[str] | None = None) -> None:
     add = parser.add_argument
     add("--train", nargs="+", action="append", required=True, metavar="RECIPE [VARIANT …]")
     add("--scenario", default="manhattan")
-    add("--seeds", type=int, default=3, help="of each variant: 0, 1, …")
+    add("--seeds", type=int, default=3, help="how many of each variant")
+    add("--first", type=int, default=0, help="the first of the seeds")
     add("--minutes", type=float, default=60, help="from the start; then the runs are saved")
     add("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     add("--out", type=Path, default=Path("build/fleet"))
@@ -811,7 +815,7 @@ def main(arguments: list[str] | None = None) -> None:
     runs = []
     for name, *variants in options.train:
         for variant, recipe in variants_of(find_recipe(name), variants or ["as_it_is"]).items():
-            for seed in range(options.seeds):
+            for seed in range(options.first, options.first + options.seeds):
                 folder = re.sub(r"[^\w.-]+", "_", f"{name}-{variant}-{seed}")
                 runs.append(Run(options.out / folder, Trainer(scenario, recipe, seed), how))
     groups = fleets_of([run for run in runs if not run.trainer.finished])

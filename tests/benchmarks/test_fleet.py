@@ -102,7 +102,7 @@ def test_updates_give_the_weights_of_the_library(name, build):
             reward = mixed.normal(size=recipe.batch_size).astype(np.float32) * 10
             discount = mixed.choice(np.float32([0, 0.95]), recipe.batch_size)
             loss = learner.update(Batch(first, action, reward, discount, after))
-            states = np.stack([packed(part) for part in (first, after, after)])
+            states = np.stack([packed(part) for part in (first, after)])
             batches.append((states, action, reward, discount, loss))
         states, action, reward, discount, losses = zip(*batches, strict=True)
         given = [np.stack(states, axis=1), np.stack(action), np.stack(reward), np.stack(discount)]
