@@ -102,7 +102,7 @@ class World:
     | --- | --- | --- |
     | `moves` | (n · 6, 3) | next cell, whether the action is replaced, whether it lands |
     | `radio` | (n · 6 · n, 2δ) | of a device: the mean of the SNR in each slot and the fading's σ |
-    | `windows` | (n, channels · W²) | the map without devices |
+    | `windows` | (n, W² · channels) | the map without devices |
     | `spots` | (n · n,) | where a device's data left is in the flattened map |
 
     n is the number of cells; the first axis is the UAV's cell (and its action), then the device's
@@ -236,11 +236,8 @@ class Networks:
         ]
 
     def __call__(self, weights: list[Tensor], maps: Tensor, times: Tensor) -> Tensor:
-        """Q-values, (n · R, B, 6), of n · R networks for maps, (R, B, channels, W, W), and times,
-        (R, B, 1)."""
-        groups = len(weights[0]) // len(maps)  # two, if two networks are asked about a state
-        x, parts = maps.movedim(-3, -1).repeat(groups, 1, 1, 1, 1), iter(weights)
-        times = times.repeat(groups, 1, 1)
+        """Q-values (R, B, 6) of R networks' maps, (R, B, channels, W, W), and times, (R, B, 1)."""
+        x, parts = maps.movedim(-3, -1), iter(weights)
         for layer in self.layers:
             if isinstance(layer, nn.Conv2d):
                 x = self._convolved(x, layer, next(parts), next(parts))
@@ -485,8 +482,7 @@ class Fleet:
     def sample(self, plan: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Minibatches of transitions over n steps, the newest of each environment first.
 
-        Returns the states s and s', (2, R, B, F), the action, the reward and the
-        discount, (R, B).
+        Returns the states s and s', (2, R, B, F), the action, the reward and the discount, (R, B).
         """
         n, N = self.recipe.return_steps, self.N
         choices = (plan[:, FILLED, None] - n) * N  # but the newest N
@@ -512,7 +508,8 @@ class Fleet:
         """The loss of each run for these transitions."""
         maps, times = self.world.observe(states)
         with torch.no_grad():  # the Q-values of s' by the online and the target network
-            after = self.networks(self.both, maps[1], times[1])
+            twice = maps[1].repeat(2, 1, 1, 1, 1), times[1].repeat(2, 1, 1)
+            after = self.networks(self.both, *twice)
             after = after.unflatten(0, (2, -1)).flatten(1, 2)
             y = ddqn_target(reward.flatten(), discount.flatten(), *after).view_as(reward)
         q = self.networks(leaves, maps[0], times[0]).gather(-1, action[..., None])[..., 0]
