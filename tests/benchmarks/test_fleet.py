@@ -179,8 +179,9 @@ def test_a_run_that_was_stopped_goes_on_here_and_with_the_library(tmp_path, monk
     """The first call ends by a clock that ticks a minute a look; after two chunks of steps."""
     monkeypatch.setattr(program, "find_recipe", {"tiny": TINY}.get)
     monkeypatch.setattr(program, "CHUNK", 50)
-    arguments = ["--scenario", "village", "--device", "cpu", "--seeds", "2", "--train", "tiny"]
-    arguments += ["leak=0", "leak=0,learning_rate=0.001", "--out", str(tmp_path / "runs")]
+    arguments = ["--scenario", "village", "--device", "cpu", "--first", "1", "--seeds", "2"]
+    arguments += ["--train", "tiny", "leak=0", "leak=0,learning_rate=0.001"]
+    arguments += ["--out", str(tmp_path / "runs")]
     arguments += ["--archive", str(tmp_path / "archive"), "--minutes", "5.5"]
 
     def call() -> list[str]:
@@ -209,4 +210,4 @@ def test_a_run_that_was_stopped_goes_on_here_and_with_the_library(tmp_path, monk
     ended = trained(1)
     assert ended.finished and ended.updates == 479 and len(ended.validation_rows) == 2
     assert len(list((tmp_path / "archive").iterdir())) == 4
-    assert load_agent(tmp_path / "runs" / "tiny-leak_0-0" / "last.safetensors")
+    assert load_agent(tmp_path / "runs" / "tiny-leak_0-2" / "last.safetensors")
