@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from uavdh_lite.checkpoint import load, load_agent
+from uavdh_lite.checkpoint import load, load_agent, save
 from uavdh_lite.errors import CheckpointError, InputError, TrainingDiverged
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, restore_run, save_run, train
@@ -71,6 +71,28 @@ def test_another_run_is_not_restored(trainer, tmp_path, corridor_scenario, quick
         assert not re.search("[0-9a-f]{64}", str(refused.value))
     renamed = replace(corridor, name="avenue")
     restore_run(path, Trainer(corridor_scenario, quick, 0, renamed))  # the cells decide
+
+
+@pytest.mark.parametrize("change", ["value missing", "tensor missing", "shape", "no part", "null"])
+def test_a_state_without_the_parts_of_this_run_is_refused(trainer, tmp_path, change):
+    path = tmp_path / "t.safetensors"
+    save_run(path, trainer())
+    tensors, values = load(path, "training")
+    weights = next(name for name in tensors if name.startswith("ddqn.online"))
+    match change:
+        case "value missing":
+            del values["episodes"]
+        case "tensor missing":
+            del tensors["state.landed"]
+        case "shape":
+            tensors[weights] = tensors[weights][:-1].clone()
+        case "no part":
+            tensors["weights"] = tensors.pop(weights)
+        case "null":
+            values["generators"] = None
+    save(path, "training", tensors, values)
+    with pytest.raises(InputError, match=r"t\.safetensors: altered, or saved by another version"):
+        restore_run(path, trainer())
 
 
 def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):

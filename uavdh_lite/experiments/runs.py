@@ -198,7 +198,10 @@ def save_run(path: Path, trainer: Trainer) -> None:
 
 
 def restore_run(path: Path, trainer: Trainer) -> None:
-    """Let a training go on from what `save_run` wrote; `InputError` if that is another one."""
+    """Let a training go on from what `save_run` wrote.
+
+    Raises `InputError` if that is another training, or a state without the parts of this one.
+    """
     tensors, values = load(path, "training")
     for name, asked in identity(trainer).items():
         saved = values.get(name)
@@ -213,7 +216,13 @@ def restore_run(path: Path, trainer: Trainer) -> None:
             both = (f"{k}: {saved.get(k)} there, {asked.get(k)} here" for k in names)
             difference = f"; {', '.join(both)}"
         raise InputError(f"{path}: another {name} than asked for{difference}")
-    trainer.load_state_dict(tensors, values)
+    try:
+        trainer.load_state_dict(tensors, values)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise InputError(
+            f"{path}: altered, or saved by another version of the program ({error!r}); "
+            "continue it with the version that saved it, or start again in another folder"
+        ) from None
 
 
 def identity(trainer: Trainer) -> dict:
