@@ -280,8 +280,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # difference that could be seen ([the page on the recipe](../docs/results/recipe.md)).
 #
 # The **paper's method** makes an update for every step, once its memory holds 25,000 random steps.
-# The picture shows *training* flights from three runs of each recipe; the runs of `plain` were
-# stopped early.
+# The picture shows *training* flights from three runs of each recipe.
 
 # %%
 figure, ax = plt.subplots(figsize=(5.5, 2.6), layout="constrained")
@@ -297,7 +296,7 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 # %% [markdown]
 # In the picture, `plain` improves after fewer steps than `lite`. But `plain` makes many more
 # updates per step, and it explores less, because β is 0.1 throughout. The picture therefore
-# compares steps, not work, and does not show where `plain` would end up.
+# compares steps, not work.
 #
 # ## Recap
 #
