@@ -366,8 +366,8 @@ first, second, *_ = with_luck(Mission(agent.city, (0, 0), places, (18,) * 5, 60)
 play(agent.environment, {"one draw": first.trajectory(0), "another": second.trajectory(0)})
 
 # %% [markdown]
-# These two flights are alike for more than half of their time, but then they part; the 40 draws give 15 different paths. Yet luck makes no difference to what is brought home here,
-# because there is time to spare: with 52 units of time instead of 60, 20 draws bring home 93 to 99 %.
+# These two flights are alike for more than half of their time, but then they part; the 40 draws give 15 different paths. Yet luck makes next to no difference to what is brought home here,
+# because the time is long enough: with 52 units of time instead of 60, 20 draws bring home 93 to 99 %.
 #
 # ## 10.9 One thing changed
 #
