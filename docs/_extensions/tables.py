@@ -56,7 +56,7 @@ LADDER = {
     "random": PLANNERS["random"],
     "greedy": PLANNERS["greedy"],
     "orienteering": "orienteering: the best order of devices",
-    "plain": "the paper's algorithm with nothing added: agents of {steps} of a million steps",
+    "plain": "the paper's algorithm with nothing added: best agents, at step {steps} on average",
     "ddqn": "strengthened DDQN, `lite`",
     "ddqn_failsafe": "DDQN with the failsafe",
     "ddqn_told": "DDQN with the failsafe and told layers",
@@ -362,7 +362,8 @@ def _run_by(name: str) -> str:
     """A line with the command, the version and the machine of a study's runs."""
     about = _json(name)
     on = about.get("device", about["machine"])
-    return f"Made with `{about['command']}`, uavdh_lite {about['version']}, {on}.\n"
+    begun = f"; begun {about['begun']}" if "begun" in about else ""
+    return f"Made with `{about['command']}`, uavdh_lite {about['version']}, {on}{begun}.\n"
 
 
 def ladder(scenario: str) -> str:

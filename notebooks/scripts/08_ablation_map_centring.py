@@ -97,9 +97,9 @@ ax.legend();
 # %% [markdown]
 # After 200,000 and 300,000 steps all centred runs are far ahead of the others. Later, apart from
 # two dips at a million steps, the gap shrinks to half a percentage point, and at the end the lowest
-# centred run is level with the highest of the others. In the paper's figure the gap is larger. With
-# `plain`, the paper's method, the gap stays wide: after a million steps centred runs collect and land
-# 92 to 94 % of the data, and the others 25 to 32 %.
+# centred run is level with the highest of the others. The paper's gap is larger. With `plain`, the
+# paper's method with a smaller network, it stays wide: after a million steps centred runs collect
+# and land 92 to 94 % of the data, the others 25 to 32 %.
 #
 # ## 8.3 One seed, and six
 #
@@ -302,7 +302,7 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # | --- | --- |
 # | Does an agent learn faster with the centred map? | Probably, judged by *collected and landed*, in this city and with this recipe |
 # | Is it better in the end? | Open: the interval at the end contains 0 by *collected and landed*, but not by return (0.6 to 1.1 units) |
-# | Is the paper's larger gap wrong? | These runs do not say so: with `plain`, the paper's method, the gap over this map is large and stays (8.2). It is `lite` that leaves little of it |
+# | Is the paper's larger gap wrong? | These runs do not say so: with `plain` the gap is large after a million steps, with `lite` small after two (8.2) |
 # | Is the recipe fair to both kinds? | Not quite: we tuned the recipe with the centred map |
 # | Is the gap due to the centring alone? | Open: the city in place shows the UAV's position differently, as a single 1, and there the strip that neither network reads (5.5) contains only rim |
 #

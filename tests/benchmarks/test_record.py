@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tables
 import torch
 
 from benchmarks import record
@@ -83,6 +84,15 @@ def test_variants_may_have_recipes_of_two_kinds(folder):
     record.gather("tiny", folder)
     changes = read_json(folder / "runs/tiny.json")["recipes"]["second"]
     assert changes == {"discount": 0.9, "failsafe": True}
+
+
+def test_where_runs_were_begun_is_recorded_and_shown(folder, monkeypatch):
+    monkeypatch.setattr(tables, "RUNS", folder / "runs")
+    record.gather("tiny", folder)
+    assert "begun" not in tables.by_steps("tiny")
+    (folder / "runs/list.toml").write_text(f'{LIST}begun = "seed 3 on an H200"\n')
+    record.gather("tiny", folder)
+    assert "; begun seed 3 on an H200.\n" in tables.by_steps("tiny")
 
 
 def test_a_study_is_of_today_by_the_digest_that_it_was_recorded_with(folder, monkeypatch):
