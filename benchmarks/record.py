@@ -142,9 +142,8 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
     write_table(RUNS / f"{study}-training.csv.gz", tables["training"])
     write_json(
         RUNS / f"{study}.json",
-        {"what": entry["what"], "command": command}
-        | ({"begun": entry["begun"]} if "begun" in entry else {})
-        | {"golden": digest(commit)}
+        {name: entry[name] for name in ("what", "begun") if name in entry}
+        | {"command": command, "golden": digest(commit)}
         | {name: first[name] for name in OF_STUDY if name in first}
         | {"scenario": first["scenario"], "cities": first["cities"]}
         | {"runs": {name: {k: how[k] for k in OF_RUN} for name, how in about.items()}}

@@ -362,24 +362,21 @@ def _run_by(name: str) -> str:
     """A line with the command, the version and the machine of a study's runs."""
     about = _json(name)
     on = about.get("device", about["machine"])
-    begun = f"; begun {about['begun']}" if "begun" in about else ""
+    begun = f"; {about['begun']}" if "begun" in about else ""
     return f"Made with `{about['command']}`, uavdh_lite {about['version']}, {on}{begun}.\n"
 
 
 def ladder(scenario: str) -> str:
-    """All ways to fly over one of the paper's maps, what each of them knows, and what is missing.
+    """All ways to fly over one of the paper's maps, and what each of them knows.
 
     The paper's own agent is below them, as a number from another map.
     """
-    table, about = read_table(RUNS / "ladder.csv.gz"), _json("ladder")
+    table = read_table(RUNS / "ladder.csv.gz")
     here = table["scenario"] == scenario
     found = {str(name): i for i, name in zip(np.flatnonzero(here), table["row"][here], strict=True)}
     rows = []
     for name, title in LADDER.items():
         if name not in found:
-            if name in about["outstanding"][scenario]:
-                title, nothing = title.partition(":")[0], [""] * (len(KNOWLEDGE) + 5)
-                rows.append([title, "*outstanding*", *nothing])
             continue
         one = {key: values[found[name]] for key, values in table.items()}
         interval = lambda what: Interval(one[what], one[f"{what}_low"], one[f"{what}_high"])  # noqa: B023, E731

@@ -90,9 +90,9 @@ def test_where_runs_were_begun_is_recorded_and_shown(folder, monkeypatch):
     monkeypatch.setattr(tables, "RUNS", folder / "runs")
     record.gather("tiny", folder)
     assert "begun" not in tables.by_steps("tiny")
-    (folder / "runs/list.toml").write_text(f'{LIST}begun = "seed 3 on an H200"\n')
+    (folder / "runs/list.toml").write_text(f'{LIST}begun = "seed 3 was begun on an H200"\n')
     record.gather("tiny", folder)
-    assert "; begun seed 3 on an H200.\n" in tables.by_steps("tiny")
+    assert "; seed 3 was begun on an H200.\n" in tables.by_steps("tiny")
 
 
 def test_a_study_is_of_today_by_the_digest_that_it_was_recorded_with(folder, monkeypatch):

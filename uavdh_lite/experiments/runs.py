@@ -16,7 +16,7 @@ from tqdm.auto import tqdm
 from uavdh_lite.bridges.tensorboard import Board
 from uavdh_lite.checkpoint import load, save, save_agent
 from uavdh_lite.city import described, fingerprint_of
-from uavdh_lite.errors import InputError, TrainingDiverged
+from uavdh_lite.errors import CheckpointError, InputError, TrainingDiverged
 from uavdh_lite.experiments.stopping import deferred_stop
 from uavdh_lite.storage import read_json, read_table, remove_unfinished, write_json, write_table
 from uavdh_lite.training import Trainer
@@ -200,7 +200,7 @@ def save_run(path: Path, trainer: Trainer) -> None:
 def restore_run(path: Path, trainer: Trainer) -> None:
     """Let a training go on from what `save_run` wrote.
 
-    Raises `InputError` if that is another training, or a state without the parts of this one.
+    Raises `InputError` if that is another training, and `CheckpointError` if it does not fit.
     """
     tensors, values = load(path, "training")
     for name, asked in identity(trainer).items():
@@ -218,8 +218,8 @@ def restore_run(path: Path, trainer: Trainer) -> None:
         raise InputError(f"{path}: another {name} than asked for{difference}")
     try:
         trainer.load_state_dict(tensors, values)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise InputError(
+    except (ValueError, LookupError, RuntimeError, TypeError) as error:
+        raise CheckpointError(
             f"{path}: altered, or saved by another version of the program ({error!r}); "
             "continue it with the version that saved it, or start again in another folder"
         ) from None
