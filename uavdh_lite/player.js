@@ -11,7 +11,8 @@ export const KINDS = {
   N: { name: "no-fly zone", hatch: "m0 .5l.5 -.5m-.5 1l1 -1m-.5 1l.5 -.5" },
 };
 // The marks of plotting.py
-const CROSS = '<path d="M-.5 -.25l.25 -.25L0 -.25 .25 -.5l.25 .25L.25 0l.25 .25-.25 .25L0 .25-.25 .5l-.25 -.25L-.25 0z"/>';
+const CROSS =
+  '<path d="M-.5 -.25l.25 -.25L0 -.25 .25 -.5l.25 .25L.25 0l.25 .25-.25 .25L0 .25-.25 .5l-.25 -.25L-.25 0z"/>';
 const START = '<path class="start" d="M0 -.36L.36 .28H-.36z"/>';
 const LANDED = '<path class="landed" d="M0 -.42L.42 0 0 .42 -.42 0z"/>';
 const CRASHED = `<path class="crashed" d="M0 -.5L.12 -.16 .48 -.15 .19 .06 .29 .4 0 .2 -.29 .4 -.19 .06 -.48 -.15 -.12 -.16z"/>`;
@@ -101,16 +102,24 @@ export function playback(stage, update) {
     End: () => show(last),
   };
   // Before the page around hears of a key: in a notebook, most of them edit it
-  window.addEventListener("keydown", function hear(event) {
-    if (!stage.isConnected) return window.removeEventListener("keydown", hear, true);
-    if (!stage.contains(event.target)) return;
-    if (event.key !== "Tab") event.stopPropagation();
-    const own = event.target.matches(event.key === " " ? "button, select, input:not([type=range])" : "select, input:not([type=range])");
-    const other = own || event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented;
-    if (!keys[event.key] || other) return;
-    event.preventDefault();
-    keys[event.key]();
-  }, true);
+  window.addEventListener(
+    "keydown",
+    function hear(event) {
+      if (!stage.isConnected) return window.removeEventListener("keydown", hear, true);
+      if (!stage.contains(event.target)) return;
+      if (event.key !== "Tab") event.stopPropagation();
+      const own = event.target.matches(
+        event.key === " "
+          ? "button, select, input:not([type=range])"
+          : "select, input:not([type=range])",
+      );
+      const other = own || event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented;
+      if (!keys[event.key] || other) return;
+      event.preventDefault();
+      keys[event.key]();
+    },
+    true,
+  );
   button.addEventListener("click", keys[" "]);
   find(".back").addEventListener("click", keys.ArrowLeft);
   find(".forward").addEventListener("click", keys.ArrowRight);
@@ -192,7 +201,8 @@ function shower(panel, film, flight) {
 // What happened in a step; for the last one, how the flight ended.
 function sentence({ devices }, { path, left, refused, ending }, { step, uploads }) {
   if (step === path.length - 1) return ending;
-  if (step === 0) return `Starts with ${left[0].at(-1)} unit${left[0].at(-1) === 1 ? "" : "s"} of time.`;
+  if (step === 0)
+    return `Starts with ${left[0].at(-1)} unit${left[0].at(-1) === 1 ? "" : "s"} of time.`;
   const [down, right] = [0, 1].map((axis) => path[step][axis] - path[step - 1][axis]);
   const action = refused[step - 1];
   let does = "hovers";
@@ -213,14 +223,20 @@ function aboutCell({ city, devices }, [row, col], { amounts }) {
     if (y === row && x === col) texts.push(`device ${number}, ${amounts[k].toFixed(1)} units left`);
   });
   const seen = devices.filter(({ hidden }) => hidden[row][col] === ".").map(({ number }) => number);
-  texts.push(seen.length ? `in sight of device${seen.length > 1 ? "s" : ""} ${seen.join(", ")}` : "no device in sight");
+  texts.push(
+    seen.length
+      ? `in sight of device${seen.length > 1 ? "s" : ""} ${seen.join(", ")}`
+      : "no device in sight",
+  );
   return `${texts.join("; ")}.`;
 }
 
 // Which device the violet cells belong to, if there are any.
 function aboutShadow({ devices, traced }, shadowed) {
   const { number, hidden = [] } = devices[shadowed] ?? {};
-  return hidden.some((row) => row.includes("#")) ? `Violet: hidden from device ${number}${traced ? ", by the model" : ""}.` : "";
+  return hidden.some((row) => row.includes("#"))
+    ? `Violet: hidden from device ${number}${traced ? ", by the model" : ""}.`
+    : "";
 }
 
 // From here on: HTML and SVG as text
@@ -241,7 +257,8 @@ export const CONTROLS = `<div class="controls">
 </div>`;
 
 // All that is on the stage; a click on it gives it the keys, which are not the notebook's then.
-const wholeStage = (film) => `
+const wholeStage = (film) =>
+  `
   <div role="group" aria-label="${escaped(film.title)}" tabindex="-1"
       data-lm-suppress-shortcuts="true">
     ${flightPanels(film)}${CONTROLS}${legend(film)}
@@ -281,7 +298,9 @@ function flightMap(film, flight) {
       aria-label="${escaped(`${flight.name || title}: ${flight.ending}`)}">
     <path class="paper" d="M-.5 -.5h${size}v${size}h${-size}z"/>
     <g class="under"></g>${each(({ hidden }) => shadow(hidden))}
-    ${Object.keys(KINDS).map((sign) => cells(city, sign)).join("")}
+    ${Object.keys(KINDS)
+      .map((sign) => cells(city, sign))
+      .join("")}
     ${grid(size, scale)}<g class="over"></g>${scaled(flight.path[0], START)}${flightPath(film, flight, scale)}
     ${each(({ colour }) => `<path class="link" ${coloured(colour)}/>`)}
     ${each((device, k) => scaled(device.cell, deviceSign(device), `data-device="${k}"`))}
@@ -326,7 +345,10 @@ function flightPath({ devices }, flight, scale) {
     const size = `r="${scale * Math.min(0.42 + 0.04 * hovered[next], 0.8)}"`;
     return `<circle class="ring" ${size} stroke-width="${width / 3}" ${place} ${about}/>`;
   };
-  return path.slice(1, end === "landed" ? -1 : undefined).map(sign).join("");
+  return path
+    .slice(1, end === "landed" ? -1 : undefined)
+    .map(sign)
+    .join("");
 }
 
 // An arrow to the next cell in the east, to the right of the path, so that there and back differ.
@@ -345,7 +367,10 @@ export function legend({ city, devices, traced }) {
   const move = (width) => `<g transform="translate(-.5)">${arrow(width, 0)}</g>`;
   const entries = [
     ...kinds.map((sign) => [KINDS[sign].name, cells([sign], sign)]),
-    [`shadow: no line of sight to a device${traced ? ", by the model, not by the traced rays of these flights" : ""}`, shadow(["#"])],
+    [
+      `shadow: no line of sight to a device${traced ? ", by the model, not by the traced rays of these flights" : ""}`,
+      shadow(["#"]),
+    ],
     ...devices.map((device) => [`device ${device.number}`, deviceSign({ ...device, number: "" })]),
     ["UAV", `<g class="uav">${UAV}</g>`],
     ["start", START],

@@ -1,9 +1,30 @@
 // What the JavaScript twins answer to what test_world.py asks.
 
 import { Greedy, bytesOf, readAgent } from "../../uavdh_lite/labs/pilots.js";
-import { City, Environment, MeasuredEnvironment, Mission, Portable, Use, lineOfSight, missionFromJson, reward, safeActions } from "../../uavdh_lite/labs/world.js";
+import {
+  City,
+  Environment,
+  MeasuredEnvironment,
+  Mission,
+  Portable,
+  Use,
+  lineOfSight,
+  missionFromJson,
+  reward,
+  safeActions,
+} from "../../uavdh_lite/labs/world.js";
 
-export function answer({ cities, states, sight, agents, missions, numbers, files, texts, pictures }) {
+export function answer({
+  cities,
+  states,
+  sight,
+  agents,
+  missions,
+  numbers,
+  files,
+  texts,
+  pictures,
+}) {
   const places = cities.map(({ name, rows, gain, level_db }) => {
     const city = City.fromText(name, rows.join("\n"));
     return gain ? new MeasuredEnvironment(city, bytesOf(gain), level_db) : new Environment(city);

@@ -23,7 +23,8 @@ import { CHANNEL, pathLossDb, rate } from "./world.js";
 export function ledger(environment, device) {
   const { city, size, transmitSnrDb: transmit } = environment;
   const [[row, col], from] = [device, city.cell(device)];
-  const squared = (down, right) => (down ** 2 + right ** 2) * CHANNEL.cellSize ** 2 + CHANNEL.altitude ** 2;
+  const squared = (down, right) =>
+    (down ** 2 + right ** 2) * CHANNEL.cellSize ** 2 + CHANNEL.altitude ** 2;
   const far = Array.from(city.kinds, (_, cell) => {
     const [r, c] = city.position(cell);
     return squared(r - row, c - col);

@@ -59,12 +59,18 @@ export class Hangar {
 
   pilot(name) {
     const { agents, environment } = this;
-    return kept(this.pilots, name, () => agents[name]?.agent.over(environment) ?? new Greedy(environment));
+    return kept(
+      this.pilots,
+      name,
+      () => agents[name]?.agent.over(environment) ?? new Greedy(environment),
+    );
   }
 }
 
 function environmentOf(city, place) {
-  return place ? new MeasuredEnvironment(city, bytesOf(place.gain), place.level_db) : new Environment(city);
+  return place
+    ? new MeasuredEnvironment(city, bytesOf(place.gain), place.level_db)
+    : new Environment(city);
 }
 
 /** How a flight went: data units and their share, steps and the share of the time, the return. */
@@ -125,17 +131,27 @@ function filmedFlight(flight, { city, devices, flyingTime }) {
  * @param {Environment} environment
  */
 export function warnings(environment, { city, start, devices, data, flyingTime }) {
-  const sealed = [...city.kinds.keys()].filter((cell) => !city.noFly[cell] && city.landingDistance[cell] < 0);
+  const sealed = [...city.kinds.keys()].filter(
+    (cell) => !city.noFly[cell] && city.landingDistance[cell] < 0,
+  );
   const reached = (cell) => city.landingDistance[cell] >= 0;
   const bestOf = (snrs) => {
-    const best = [...snrs.keys()].filter(reached).reduce((one, other) => (snrs[other] > snrs[one] ? other : one));
+    const best = [...snrs.keys()]
+      .filter(reached)
+      .reduce((one, other) => (snrs[other] > snrs[one] ? other : one));
     return { amount: rate(snrs[best]), where: city.position(best) };
   };
   const facts = [];
-  if (sealed.length) facts.push({ kind: "sealed", cells: sealed.length, where: city.position(sealed[0]) });
+  if (sealed.length)
+    facts.push({ kind: "sealed", cells: sealed.length, where: city.position(sealed[0]) });
   devices.forEach((position, device) => {
     const cell = city.cell(position);
-    if (!environment.isSeen(cell)) facts.push({ kind: "unheard", device, traced: environment.meanSnrDb ? bestOf(environment.tracedSnrs(cell)) : null });
+    if (!environment.isSeen(cell))
+      facts.push({
+        kind: "unheard",
+        device,
+        traced: environment.meanSnrDb ? bestOf(environment.tracedSnrs(cell)) : null,
+      });
     else if (!city.noFly[cell] && !reached(cell)) facts.push({ kind: "unreachable", device });
   });
   if (!city.landing[city.cell(start)]) facts.push({ kind: "outside" });

@@ -10,7 +10,9 @@ function nearest(all, { clientX, clientY }, most = Infinity) {
     const { x, y, width, height } = each.getBoundingClientRect();
     return Math.hypot(x + width / 2 - clientX, y + height / 2 - clientY);
   };
-  return [...all].filter((each) => far(each) <= most).sort((one, other) => far(one) - far(other))[0];
+  return [...all]
+    .filter((each) => far(each) <= most)
+    .sort((one, other) => far(one) - far(other))[0];
 }
 
 /** Listens to all that is done on a stage. */
@@ -40,9 +42,14 @@ export function attend(stage) {
   /** What a pointer takes: what is in its cell; near a finger, also what is beside it, unless a brush paints there. */
   const taken = (event, cell) => {
     const thing = cell && thingAt(cell);
-    const exact = event.pointerType !== "touch" || tool() === TOOLS.paint || el.classList.contains("adding");
+    const exact =
+      event.pointerType !== "touch" || tool() === TOOLS.paint || el.classList.contains("adding");
     if (thing !== null || exact) return thing;
-    const beside = nearest(event.target.closest(".map").querySelectorAll("g[data-device]"), event, REACH);
+    const beside = nearest(
+      event.target.closest(".map").querySelectorAll("g[data-device]"),
+      event,
+      REACH,
+    );
     return beside ? Number(beside.dataset.device) : null;
   };
   const hover = (cell) => {
@@ -53,7 +60,11 @@ export function attend(stage) {
   const link = (cell, thing = thingAt(cell)) => {
     const { held } = stage.scene.state;
     const device = thing !== null && thing >= 0;
-    ask(device ? { kind: "look", device: thing } : { kind: "hold", cell: String(cell) === String(held) ? null : cell });
+    ask(
+      device
+        ? { kind: "look", device: thing }
+        : { kind: "hold", cell: String(cell) === String(held) ? null : cell },
+    );
   };
 
   main.addEventListener("pointerdown", (event) => {
@@ -72,7 +83,12 @@ export function attend(stage) {
     if (!painting && (thing === null || name === "watch")) return;
     event.preventDefault();
     main.setPointerCapture(event.pointerId);
-    drag = { thing, at: cell, number: (drags += 1), map: maps().indexOf(event.target.closest(".map").querySelector("svg")) };
+    drag = {
+      thing,
+      at: cell,
+      number: (drags += 1),
+      map: maps().indexOf(event.target.closest(".map").querySelector("svg")),
+    };
     if (!painting) return;
     brush.cells = [];
     stroke(cell);
@@ -81,7 +97,8 @@ export function attend(stage) {
     const cell = cellAt(event);
     if (!drag) {
       if (event.target.closest?.(".map")) hover(cell);
-      else if (stage.hovered && event.pointerType !== "touch" && !find(".map svg:focus-visible")) hover(null);
+      else if (stage.hovered && event.pointerType !== "touch" && !find(".map svg:focus-visible"))
+        hover(null);
       return;
     }
     if (!cell || String(cell) === String(drag.at)) return;
@@ -98,7 +115,8 @@ export function attend(stage) {
   const release = (event) => {
     if (drag && event.type === "pointerup") move(event); // where it is let go is where it stays
     if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
-    else if (drag?.moves) ask({ kind: "move", device: drag.thing, cell: drag.at, drag: drag.number, ends: true });
+    else if (drag?.moves)
+      ask({ kind: "move", device: drag.thing, cell: drag.at, drag: drag.number, ends: true });
     else if (drag && stage.scene.state.tool === "paint") stands(drag.thing);
     [drag, brush.cells] = [null, null];
   };
@@ -106,7 +124,9 @@ export function attend(stage) {
   main.addEventListener("pointercancel", release);
 
   const stands = (thing) =>
-    stage.refuse(`Not painted: ${thing < 0 ? "the start" : `device ${thing}`} is there. Move it away, or paint over it from beside.`);
+    stage.refuse(
+      `Not painted: ${thing < 0 ? "the start" : `device ${thing}`} is there. Move it away, or paint over it from beside.`,
+    );
 
   function add(cell) {
     el.classList.remove("adding");
@@ -129,7 +149,8 @@ export function attend(stage) {
   }
 
   /** Where curves are pressed beside their points, the nearest one is meant. */
-  const pressed = (event) => nearest(event.target.closest(".curves")?.querySelectorAll(".dot") ?? [], event) ?? event.target;
+  const pressed = (event) =>
+    nearest(event.target.closest(".curves")?.querySelectorAll(".dot") ?? [], event) ?? event.target;
 
   const does = {
     skip: stage.skipStory,
@@ -159,7 +180,8 @@ export function attend(stage) {
       maps()[0].focus();
     } else if (does_) does[does_](target);
     // Keys steer after a press, too, unless it asks for a place or a number
-    const steers = name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer, .term"));
+    const steers =
+      name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer, .term"));
     if (steers && (event.detail || name)) find("#panel").focus({ preventScroll: true });
   });
 
@@ -170,13 +192,15 @@ export function attend(stage) {
     const steers = stage.scene.state.tool === "fly" && set && !target.matches(":focus-visible"); // again, unless keys chose
     if (steers) find("#panel").focus({ preventScroll: true });
     if (set === "city") ask({ kind: "city", name: value });
-    else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
+    else if (set?.startsWith("policy-"))
+      ask({ kind: "policy", which: Number(set.at(-1)), name: value });
     else if (set?.startsWith("run-")) {
       const runs = [...looks.runs];
       runs[Number(set.at(-1))] = value === "" ? null : Number(value);
       ask({ kind: "see", name: "runs", value: runs.filter((run) => run !== null) });
     } else if (set === "link") stage.openLink(value);
-    else if (set in looks) ask({ kind: "see", name: set, value: target.type === "checkbox" ? target.checked : value });
+    else if (set in looks)
+      ask({ kind: "see", name: set, value: target.type === "checkbox" ? target.checked : value });
     if (field) changeField(field, target);
     if (target.files?.length) {
       open(target.files);
@@ -193,7 +217,9 @@ export function attend(stage) {
     if (!validity.valid) {
       target.value = target.defaultValue;
       setTimeout(() => target.focus()); // Tab has left it by then
-      stage.refuse(`Not done: the ${what} must be ${step === "any" ? "a" : "a whole"} number from ${min} to ${max}.`);
+      stage.refuse(
+        `Not done: the ${what} must be ${step === "any" ? "a" : "a whole"} number from ${min} to ${max}.`,
+      );
     } else if (name === "data") ask({ kind: "data", device, value });
     else if (!place) ask({ kind: name, value });
     else {
@@ -222,7 +248,9 @@ export function attend(stage) {
     const [down, right] = WAYS[ARROWS[key]] ?? [];
     const tab = target.closest("[role=tab]");
     if (tab && (right || ["Home", "End"].includes(key))) {
-      const to = { Home: tools[0], End: tools.at(-1) }[key] ?? tools[(tools.indexOf(tab.dataset.tool) + right + tools.length) % tools.length];
+      const to =
+        { Home: tools[0], End: tools.at(-1) }[key] ??
+        tools[(tools.indexOf(tab.dataset.tool) + right + tools.length) % tools.length];
       find(`#tab-${to}`).focus();
       return () => ask({ kind: "tool", tool: to });
     }
@@ -237,8 +265,10 @@ export function attend(stage) {
       const [row, col] = device < 0 ? state.start : state.devices[device].cell;
       return () => ask({ kind: "move", device: Number(device), cell: [row + down, col + right] });
     }
-    if (device >= 0 && ["Delete", "Backspace"].includes(key)) return () => ask({ kind: "remove", device: Number(device) });
-    if (device && key === "Enter" && state.tool === "channel") return () => link(device < 0 ? state.start : state.devices[device].cell);
+    if (device >= 0 && ["Delete", "Backspace"].includes(key))
+      return () => ask({ kind: "remove", device: Number(device) });
+    if (device && key === "Enter" && state.tool === "channel")
+      return () => link(device < 0 ? state.start : state.devices[device].cell);
     if (target.matches(".map svg")) return overMap(key, down, right);
     if (target.matches(".curves")) return tool().keyed(stage, key, down, right);
     const presses = key === " " && target.matches("button:not([role=tab])");
@@ -260,8 +290,10 @@ export function attend(stage) {
   el.addEventListener("focusin", ({ target }) => {
     const { devices, start } = stage.scene.state;
     if (target.matches(".map svg:focus-visible")) pointAt(stage.hovered ?? left ?? start);
-    else if (target.matches(".map g[data-device]:focus-visible")) pointAt(devices[target.dataset.device]?.cell ?? start);
-    if (target.matches(":focus-visible:not(.drawer *)") && !el.classList.contains("adding")) find(".drawer").close(); // it would hide the focus
+    else if (target.matches(".map g[data-device]:focus-visible"))
+      pointAt(devices[target.dataset.device]?.cell ?? start);
+    if (target.matches(":focus-visible:not(.drawer *)") && !el.classList.contains("adding"))
+      find(".drawer").close(); // it would hide the focus
   });
   el.addEventListener("focusout", ({ target, relatedTarget }) => {
     if (target.matches(".map svg")) left = stage.hovered;
@@ -284,27 +316,36 @@ export function attend(stage) {
     const { tool: name } = stage.scene.state;
     if (name === "channel") return () => link([row, col]);
     if (name !== "paint") return null;
-    return () => (thing === null ? ask({ kind: "paint", cells: [[row, col]], sign: brush.sign }) : stands(thing));
+    return () =>
+      thing === null
+        ? ask({ kind: "paint", cells: [[row, col]], sign: brush.sign })
+        : stands(thing);
   }
 
   // First of all, and whatever has the focus on a page of our own
-  window.addEventListener("keydown", (event) => {
-    if (event.altKey || !event.target.closest) return;
-    if (event.target !== document.body && !el.contains(event.target)) return;
-    if (event.key === "Escape") {
-      el.classList.remove("adding");
-      find(".drawer").close();
-      if (tool() === TOOLS.channel && stage.scene.state.held) ask({ kind: "hold", cell: null });
-      stage.paint();
-      return stage.endStory();
-    }
-    const undoes = event.ctrlKey || event.metaKey; // which a slider and a list leave to the page
-    const own = event.target.matches(undoes ? "input:not([type=range], [type=checkbox])" : "input, select");
-    const does_ = own ? null : keyed(event);
-    if (!does_) return;
-    event.preventDefault();
-    event.stopImmediatePropagation();
-    stage.endStory();
-    does_();
-  }, true);
+  window.addEventListener(
+    "keydown",
+    (event) => {
+      if (event.altKey || !event.target.closest) return;
+      if (event.target !== document.body && !el.contains(event.target)) return;
+      if (event.key === "Escape") {
+        el.classList.remove("adding");
+        find(".drawer").close();
+        if (tool() === TOOLS.channel && stage.scene.state.held) ask({ kind: "hold", cell: null });
+        stage.paint();
+        return stage.endStory();
+      }
+      const undoes = event.ctrlKey || event.metaKey; // which a slider and a list leave to the page
+      const own = event.target.matches(
+        undoes ? "input:not([type=range], [type=checkbox])" : "input, select",
+      );
+      const does_ = own ? null : keyed(event);
+      if (!does_) return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      stage.endStory();
+      does_();
+    },
+    true,
+  );
 }

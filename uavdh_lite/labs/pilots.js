@@ -2,7 +2,17 @@
 // and of beyond told, failsafe and global_local, by their names; tests/labs/test_world.py compares
 // them. M is the number of cells on a side of the largest city that an agent sees, W = 2M − 1.
 
-import { ACTIONS, CHANNEL, City, HOVER, InputError, Portable, Use, kept, safeActions } from "./world.js";
+import {
+  ACTIONS,
+  CHANNEL,
+  City,
+  HOVER,
+  InputError,
+  Portable,
+  Use,
+  kept,
+  safeActions,
+} from "./world.js";
 
 /** Every action equally likely. */
 export class Random {
@@ -201,9 +211,19 @@ function multiply(weights, values, bias, found, from, apart) {
   const [inputs, last] = [values.length, bias.length - 1];
   // Four rows at a time, so that a value is read once for them; the last one may come again
   for (let unit = 0; unit <= last; unit += 4) {
-    const [u, v, w] = [Math.min(unit + 1, last), Math.min(unit + 2, last), Math.min(unit + 3, last)];
-    const row = unit * inputs, second = u * inputs, third = v * inputs, fourth = w * inputs;
-    let a = bias[unit], b = bias[u], c = bias[v], d = bias[w];
+    const [u, v, w] = [
+      Math.min(unit + 1, last),
+      Math.min(unit + 2, last),
+      Math.min(unit + 3, last),
+    ];
+    const row = unit * inputs,
+      second = u * inputs,
+      third = v * inputs,
+      fourth = w * inputs;
+    let a = bias[unit],
+      b = bias[u],
+      c = bias[v],
+      d = bias[w];
     for (let k = 0; k < inputs; k++) {
       const value = values[k];
       a += weights[row + k] * value;
@@ -242,7 +262,11 @@ function averagePool(map, width, pooling) {
   const [out, channels] = [Math.floor(width / pooling), map.length / width ** 2];
   const found = new Float32Array(channels * out ** 2);
   found.forEach((_, place) => {
-    const [channel, row, col] = [Math.floor(place / out ** 2), Math.floor(place / out) % out, place % out];
+    const [channel, row, col] = [
+      Math.floor(place / out ** 2),
+      Math.floor(place / out) % out,
+      place % out,
+    ];
     let total = 0;
     for (let r = 0; r < pooling; r++) {
       const begin = channel * width ** 2 + (row * pooling + r) * width + col * pooling;
@@ -330,7 +354,9 @@ export function readAgent(bytes) {
     if (tensors.cities) tensors.cities = tensors.cities.values;
     return new Agent(about, tensors);
   } catch {
-    throw new InputError("not an agent of this package, or a damaged file: open a checkpoint that a training of uavdh_lite saved");
+    throw new InputError(
+      "not an agent of this package, or a damaged file: open a checkpoint that a training of uavdh_lite saved",
+    );
   }
 }
 

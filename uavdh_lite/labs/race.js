@@ -10,9 +10,19 @@ export function kinkOf({ points }) {
 }
 
 /** What the missions of a point brought, as a fact. */
-export function pointFact({ steps, landed, collected_and_landed: home, time_used: time }, episodes) {
+export function pointFact(
+  { steps, landed, collected_and_landed: home, time_used: time },
+  episodes,
+) {
   const [brought, used] = [home, time].map((share) => Math.round(100 * share));
-  return { kind: "point", episodes, steps, landed: Math.round(episodes * landed), home: brought, time: used };
+  return {
+    kind: "point",
+    episodes,
+    steps,
+    landed: Math.round(episodes * landed),
+    home: brought,
+    time: used,
+  };
 }
 
 /**
@@ -26,20 +36,49 @@ export function raceFacts(runs, episodes, metric) {
     const kink = kinkOf(run);
     const points = run.points.map((point) => pointFact(point, episodes));
     const about = { run: k, episodes };
-    if (kink === null) facts.push({ kind: run.points.at(-1).landed >= FOR_GOOD ? "fromTheStart" : "never", ...about });
+    if (kink === null)
+      facts.push({
+        kind: run.points.at(-1).landed >= FOR_GOOD ? "fromTheStart" : "never",
+        ...about,
+      });
     else {
-      facts.push({ kind: "kink", ...about, at: [kink], steps: points[kink].steps, before: points[kink - 1].landed, now: points[kink].landed });
-      const best = points.slice(0, kink).reduce((one, other) => (other.landed > one.landed ? other : one));
-      if (best.landed >= FOR_GOOD * episodes) facts.push({ kind: "forgot", ...about, at: [points.indexOf(best)], steps: best.steps, landed: best.landed });
+      facts.push({
+        kind: "kink",
+        ...about,
+        at: [kink],
+        steps: points[kink].steps,
+        before: points[kink - 1].landed,
+        now: points[kink].landed,
+      });
+      const best = points
+        .slice(0, kink)
+        .reduce((one, other) => (other.landed > one.landed ? other : one));
+      if (best.landed >= FOR_GOOD * episodes)
+        facts.push({
+          kind: "forgot",
+          ...about,
+          at: [points.indexOf(best)],
+          steps: best.steps,
+          landed: best.landed,
+        });
     }
-    const falls = points.slice(1).map((to, before) => ({ at: [before, before + 1], from: points[before], to, by: points[before].home - to.home }));
+    const falls = points
+      .slice(1)
+      .map((to, before) => ({
+        at: [before, before + 1],
+        from: points[before],
+        to,
+        by: points[before].home - to.home,
+      }));
     const most = falls.reduce((one, other) => (other.by > one.by ? other : one));
     const { at, from, to } = most;
     const sooner = to.landed >= from.landed && from.time - to.time >= FALL;
-    if (most.by >= FALL) facts.push({ kind: "falls", ...about, at, from, to, sooner, hidden: metric === "landed" });
+    if (most.by >= FALL)
+      facts.push({ kind: "falls", ...about, at, from, to, sooner, hidden: metric === "landed" });
   });
   const [blue, orange] = runs.map((run) => run.points[kinkOf(run)]?.steps);
-  if (blue && orange && blue !== orange) facts.push({ kind: "sooner", run: Number(orange < blue), steps: Math.abs(blue - orange) });
+  if (blue && orange && blue !== orange)
+    facts.push({ kind: "sooner", run: Number(orange < blue), steps: Math.abs(blue - orange) });
   const ends = runs.map(({ points }) => pointFact(points.at(-1), episodes));
   const [first, second] = ends.map(({ home }) => home);
   const level = runs.length < 2 || Math.abs(first - second) <= 1;

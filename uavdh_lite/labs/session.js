@@ -6,10 +6,34 @@ import { RULE, isDuel, lead, parting, reasons, verdict } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, readAgent, valueMap } from "./pilots.js";
 import { kinkOf, pointFact, raceFacts } from "./race.js";
-import { CHANGES, LOOKS, TOOLS, YOU, cityOfPicture, isInside, newStage, overCity, pictureOf, pointOf, randomMission, readFile, stageAsJson,
-  textOfLink, withMission } from "./state.js";
+import {
+  CHANGES,
+  LOOKS,
+  TOOLS,
+  YOU,
+  cityOfPicture,
+  isInside,
+  newStage,
+  overCity,
+  pictureOf,
+  pointOf,
+  randomMission,
+  readFile,
+  stageAsJson,
+  textOfLink,
+  withMission,
+} from "./state.js";
 import { choices, closestCall, missed } from "./think.js";
-import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, kept, require, wilsonInterval } from "./world.js";
+import {
+  ACTIONS,
+  City,
+  InputError,
+  SIGNS,
+  bootstrapInterval,
+  kept,
+  require,
+  wilsonInterval,
+} from "./world.js";
 import { LONGEST, NAME, RUNS, grouped, sentence, upper } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
@@ -29,10 +53,15 @@ const ELSEWHERE = ["new", "city", "duel", "race", "open"]; // what shows quite a
 const LETTERS = 60; // of a word that was found in a file
 const STOPPED = new InputError("stopped");
 
-const isCell = (value) => Array.isArray(value) && value.length === 2 && value.every(Number.isInteger);
+const isCell = (value) =>
+  Array.isArray(value) && value.length === 2 && value.every(Number.isInteger);
 const isHere = (value, { stage }) => isInside(value, stage.mission.city.size);
-const isDevice = (value, { stage }) => Number.isInteger(value) && value >= 0 && value < stage.mission.devices.length;
-const isOf = (...values) => (value) => values.includes(value);
+const isDevice = (value, { stage }) =>
+  Number.isInteger(value) && value >= 0 && value < stage.mission.devices.length;
+const isOf =
+  (...values) =>
+  (value) =>
+    values.includes(value);
 
 /** What the page may tell: the entries that each kind of message needs, and what fits, `(value, session, message)`. */
 const MESSAGES = {
@@ -48,13 +77,25 @@ const MESSAGES = {
   hold: { cell: (cell, session) => cell === null || isHere(cell, session) },
   look: { device: isDevice },
   move: { device: (device, session) => device === -1 || isDevice(device, session), cell: isCell },
-  open: { file: (file, session, { link }) => file instanceof File || (typeof link === "string" && link !== "") },
-  paint: { cells: (cells, session) => Array.isArray(cells) && cells.every((cell) => isHere(cell, session)), sign: isOf(...SIGNS) },
-  policy: { which: isOf(0, 1), name: (name, { stage, known }) => [...known(stage.mission.city), YOU].includes(name) },
+  open: {
+    file: (file, session, { link }) =>
+      file instanceof File || (typeof link === "string" && link !== ""),
+  },
+  paint: {
+    cells: (cells, session) => Array.isArray(cells) && cells.every((cell) => isHere(cell, session)),
+    sign: isOf(...SIGNS),
+  },
+  policy: {
+    which: isOf(0, 1),
+    name: (name, { stage, known }) => [...known(stage.mission.city), YOU].includes(name),
+  },
   race: { point: (point, { stage, shelf }) => pointOf(stage.looks, point, shelf) },
   remove: { device: isDevice },
   save: { what: isOf("stage", "mission", "png") },
-  see: { name: (name) => Object.hasOwn(LOOKS, name), value: (value, { shelf }, { name }) => LOOKS[name](value, shelf) },
+  see: {
+    name: (name) => Object.hasOwn(LOOKS, name),
+    value: (value, { shelf }, { name }) => LOOKS[name](value, shelf),
+  },
   shadow: { cell: isHere },
   show: { step: (step) => Number.isInteger(step) && step >= -1 },
   time: { value: Number.isFinite },
@@ -66,7 +107,8 @@ const MESSAGES = {
 /** Why something was not done, for people; nothing if they ended it themselves. */
 function reasonOf(error) {
   const short = (word) => (word.length > LETTERS ? `${word.slice(0, LETTERS)}…` : word);
-  if (error instanceof InputError) return error === STOPPED ? "" : error.message.replace(/\S+/g, short);
+  if (error instanceof InputError)
+    return error === STOPPED ? "" : error.message.replace(/\S+/g, short);
   console.error(error);
   return `this did not work: ${error}`;
 }
@@ -75,16 +117,44 @@ function reasonOf(error) {
  * An agent that is read from its bytes when it is first needed.
  * @param {City | null} of the city that it was made for; null if for all up to its size
  */
-function shelved({ title, given = false, subject = `the ${given ? "agent " : ""}${title}`, size, scores, base64, read }, of) {
+function shelved(
+  {
+    title,
+    given = false,
+    subject = `the ${given ? "agent " : ""}${title}`,
+    size,
+    scores,
+    base64,
+    read,
+  },
+  of,
+) {
   const knows = (city) => (of ? of.sameAs(city) : city.size <= size);
-  return { title, subject, scores, given, of, knows, get agent() {
-    return (read ??= readAgent(bytesOf(base64)));
-  } };
+  return {
+    title,
+    subject,
+    scores,
+    given,
+    of,
+    knows,
+    get agent() {
+      return (read ??= readAgent(bytesOf(base64)));
+    },
+  };
 }
 
 /** An agent of a file that the reader opened. */
 const givenAgent = (name, read) =>
-  shelved({ title: name, size: read.size, scores: read.recipe.kind === "ImitationRecipe", given: true, read }, read.city);
+  shelved(
+    {
+      title: name,
+      size: read.size,
+      scores: read.recipe.kind === "ImitationRecipe",
+      given: true,
+      read,
+    },
+    read.city,
+  );
 
 export class Session {
   /**
@@ -93,7 +163,16 @@ export class Session {
    * @param {(told: object) => void} post takes what the page is told
    */
   constructor(data, post) {
-    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, ranking: [], notes: [], past: [] });
+    Object.assign(this, {
+      data,
+      post,
+      at: 0,
+      last: ["", 0],
+      extra: {},
+      ranking: [],
+      notes: [],
+      past: [],
+    });
     const [cities, scenarios] = [{}, {}];
     for (const { name, rows, scenario } of data.cities) {
       cities[name] = City.fromText(name, rows.join("\n"));
@@ -106,9 +185,17 @@ export class Session {
     this.places = data.cities.filter(({ gain }) => gain);
     const races = data.races?.settings ?? [];
     const tools = TOOLS.filter((tool) => tool !== "watch" || races.length);
-    this.shelf = { cities, scenarios, known: this.known, races, tools, village: cities[data.races?.city] };
+    this.shelf = {
+      cities,
+      scenarios,
+      known: this.known,
+      races,
+      tools,
+      village: cities[data.races?.city],
+    };
     this.agents = {};
-    for (const each of data.agents) this.agents[each.name] = shelved(each, cities[each.city] ?? null);
+    for (const each of data.agents)
+      this.agents[each.name] = shelved(each, cities[each.city] ?? null);
     this.tools = data.tool ? [data.tool] : tools;
     const first = data.mission
       ? readFile(JSON.stringify(data.mission), this.shelf)
@@ -136,7 +223,9 @@ export class Session {
   /** The names of all cities: those that were painted or opened, and those of the shelf. */
   get cities() {
     const shelf = Object.keys(this.shelf.cities);
-    const own = this.history.map(({ mission }) => mission.city.name).filter((name) => !shelf.includes(name));
+    const own = this.history
+      .map(({ mission }) => mission.city.name)
+      .filter((name) => !shelf.includes(name));
     return [...new Set([...own, ...shelf])];
   }
 
@@ -144,7 +233,9 @@ export class Session {
   paintedName(name) {
     if (name && !Object.hasOwn(this.shelf.cities, name)) return name;
     const taken = this.history.slice(0, this.at + 1).map(({ mission }) => mission.city.name);
-    return ["my_city", ...taken.map((_, k) => `my_city_${k + 2}`)].find((each) => !taken.includes(each));
+    return ["my_city", ...taken.map((_, k) => `my_city_${k + 2}`)].find(
+      (each) => !taken.includes(each),
+    );
   }
 
   /** A stage of the history, looked at as one looks now. */
@@ -176,7 +267,11 @@ export class Session {
   requireFits(told) {
     require(Object.hasOwn(MESSAGES, told.kind), `${told.kind}: nothing that can be done here`);
     for (const [entry, fits] of Object.entries(MESSAGES[told.kind]))
-      require(fits(told[entry], this, told), `${told.kind}: ${entry} ${JSON.stringify(told[entry])} does not fit here`);
+      require(fits(
+        told[entry],
+        this,
+        told,
+      ), `${told.kind}: ${entry} ${JSON.stringify(told[entry])} does not fit here`);
   }
 
   /** Shows what the stage looks like now, in answer to what was told. */
@@ -194,10 +289,13 @@ export class Session {
       film,
       version: this.version,
       panel: { ...this.panel(flights), ...this.extra },
-      ...(stage.tool === "watch" ? { warnings: [] } : { // it is about the village
-        place: hangar.place && sentence({ kind: "place", ...hangar.place }),
-        warnings: warnings(hangar.environment, stage.mission).map(sentence),
-      }),
+      ...(stage.tool === "watch"
+        ? { warnings: [] }
+        : {
+            // it is about the village
+            place: hangar.place && sentence({ kind: "place", ...hangar.place }),
+            warnings: warnings(hangar.environment, stage.mission).map(sentence),
+          }),
       refused: refused && `Not ${kind === "move" ? "moved" : "done"}: ${refused}.`,
       note: this.notes.splice(0).map(sentence).join(" "),
       number,
@@ -223,7 +321,9 @@ export class Session {
     const { mission, ...look } = this.stage;
     const names = [...this.known(mission.city), ...(look.flown ? [YOU] : [])];
     const known = names.map((name) => whoIs(name, this.agents));
-    const agents = Object.values(this.agents).filter(({ title }) => title && known.every((each) => each.title !== title));
+    const agents = Object.values(this.agents).filter(
+      ({ title }) => title && known.every((each) => each.title !== title),
+    );
     const absent = [...new Set(agents.map(({ subject }) => subject))];
     return {
       ...look,
@@ -243,7 +343,9 @@ export class Session {
   /** The two that fly any mission. */
   get pair() {
     const { policies } = this.stage;
-    require(!policies.includes(YOU), "choose two agents, because your flight belongs to this mission");
+    require(!policies.includes(
+      YOU,
+    ), "choose two agents, because your flight belongs to this mission");
     return policies;
   }
 
@@ -266,20 +368,34 @@ export class Session {
       this.agents[base64] ??= shelved({ base64 }, null); // without a size, it knows no city
       return [[`${RUNS[point[0]]}'s agent after ${grouped(steps)} steps`, hangar.flight(base64)]];
     }
-    const names = { fly: [YOU, this.ghost], compare: policies, think: [this.thinker ?? policies[0]] }[tool] ?? [policies[0]];
+    const names = {
+      fly: [YOU, this.ghost],
+      compare: policies,
+      think: [this.thinker ?? policies[0]],
+    }[tool] ?? [policies[0]];
     return names.map((name) => [whoIs(name, this.agents).title, hangar.flight(name, flown)]);
   }
 
   /** What the tool shows next to the map. */
   panel(flights) {
-    return this.panels[this.stage.tool]?.call(this, flights.map(([, flight]) => flight)) ?? {};
+    return (
+      this.panels[this.stage.tool]?.call(
+        this,
+        flights.map(([, flight]) => flight),
+      ) ?? {}
+    );
   }
 
   panels = {
     fly(flights) {
       const [you, ghost] = flights.map(numbers);
       const rival = whoIs(this.ghost, this.agents);
-      const end = you.ended ? sentence({ kind: "end", verdict: verdict([whoIs(YOU, this.agents), rival], [you, ghost]) }) : "";
+      const end = you.ended
+        ? sentence({
+            kind: "end",
+            verdict: verdict([whoIs(YOU, this.agents), rival], [you, ghost]),
+          })
+        : "";
       return { you, ghost, rival, end, ranking: this.ranking.slice(0, RANKED) };
     },
     compare(flights) {
@@ -288,7 +404,9 @@ export class Session {
       const { environment } = this.hangar;
       const part = parting(...flights, environment.size);
       const facts = reasons(who, flights, part, environment);
-      const look = [part ?? undefined, ...facts.map((fact) => fact.look)].filter((step) => step !== undefined);
+      const look = [part ?? undefined, ...facts.map((fact) => fact.look)].filter(
+        (step) => step !== undefined,
+      );
       return {
         parting: part,
         look: [...new Set(look)].sort((one, other) => one - other),
@@ -322,10 +440,20 @@ export class Session {
       return { device, ...ledger(this.hangar.environment, mission.devices[device]) };
     },
     watch() {
-      const { stage: { looks, point, mission }, shelf: { races, village }, data: { races: { episodes } } } = this;
+      const {
+        stage: { looks, point, mission },
+        shelf: { races, village },
+        data: {
+          races: { episodes },
+        },
+      } = this;
       const before = this.history[this.next(-1)]?.mission.city ?? village;
       const runs = looks.runs.map((k) => races[k]);
-      const bare = ({ points, ...run }) => ({ ...run, kink: kinkOf({ points }), points: points.map(({ base64, ...each }) => each) });
+      const bare = ({ points, ...run }) => ({
+        ...run,
+        kink: kinkOf({ points }),
+        points: points.map(({ base64, ...each }) => each),
+      });
       return {
         settings: races.map(({ title, text }) => [title, text]),
         mean: point && sentence(pointFact(pointOf(looks, point, this.shelf), episodes)),
@@ -333,7 +461,11 @@ export class Session {
         village: village.name,
         elsewhere: !village.sameAs(mission.city),
         runs: runs.map(bare),
-        says: raceFacts(runs, episodes, looks.metric).map((fact) => ({ text: sentence(fact), run: fact.run, at: fact.at ?? [] })),
+        says: raceFacts(runs, episodes, looks.metric).map((fact) => ({
+          text: sentence(fact),
+          run: fact.run,
+          at: fact.at ?? [],
+        })),
       };
     },
   };
@@ -343,9 +475,11 @@ export class Session {
     const { mission, flown, policies } = this.stage;
     const { flyingTime, city } = stage.mission;
     require(city.name.length <= NAME, `city.name: at most ${NAME} letters fit here`);
-    require(flyingTime <= LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST} units of time`);
+    require(flyingTime <=
+      LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST} units of time`);
     if (stage.mission !== mission || stage.flown !== flown) {
-      const soon = ["move", "data", "time"].includes(kind) && performance.now() - this.last[1] < TOGETHER;
+      const soon =
+        ["move", "data", "time"].includes(kind) && performance.now() - this.last[1] < TOGETHER;
       const at = this.at + (this.last[0] === kind && (soon || kind.startsWith("drag")) ? 0 : 1);
       const before = kind === "fly" ? [] : [...stage.flown]; // the moves of a flight that comes whole
       const moves = before.map((_, k) => ({ ...stage, flown: stage.flown.slice(0, k) }));
@@ -353,7 +487,8 @@ export class Session {
       this.at = this.history.length - 1;
       this.last = [kind, performance.now()];
       const left = this.history[this.at - 1]?.flown; // which a drag has ended, too
-      if (left && !ELSEWHERE.includes(kind) && stage.mission !== mission) this.notes.push({ kind: "grounded", moves: left.length });
+      if (left && !ELSEWHERE.includes(kind) && stage.mission !== mission)
+        this.notes.push({ kind: "grounded", moves: left.length });
     } else this.stage = stage;
     if (stage.mission !== mission) this.settle();
     else if (String(stage.policies) !== String(policies)) this.extra = {};
@@ -382,7 +517,10 @@ export class Session {
   async long(text, run) {
     const mine = (this.work = {});
     const requireWanted = () => {
-      if (this.work !== mine) throw text && this.ended ? new InputError(`${text} was ended by what was done meanwhile`) : STOPPED;
+      if (this.work !== mine)
+        throw text && this.ended
+          ? new InputError(`${text} was ended by what was done meanwhile`)
+          : STOPPED;
     };
     let before = performance.now();
     const turn = async (share) => {
@@ -409,7 +547,9 @@ export class Session {
     /** A city is found as it was left. */
     city({ name }) {
       const city = this.shelf.cities[name];
-      const left = this.history.findLast(({ mission }) => mission.city.name === name && (!city || city.sameAs(mission.city)));
+      const left = this.history.findLast(
+        ({ mission }) => mission.city.name === name && (!city || city.sameAs(mission.city)),
+      );
       this.take(left ? this.again(left) : overCity(this.stage, city, this.shelf), "city");
     },
     undo({ by }) {
@@ -438,13 +578,20 @@ export class Session {
     },
     fly(told) {
       const { stage, hangar } = this;
-      if (numbers(hangar.flight(YOU, stage.flown)).ended) throw new InputError("this flight is over: press Again");
+      if (numbers(hangar.flight(YOU, stage.flown)).ended)
+        throw new InputError("this flight is over: press Again");
       this.take(CHANGES.fly(stage, told), "fly");
       const you = numbers(hangar.flight(YOU, this.stage.flown));
       if (!you.ended) return;
       const ghost = numbers(hangar.flight(this.ghost));
       const { city, flyingTime } = stage.mission;
-      const rank = { city: city.name, time: flyingTime, ...you, ahead: lead([you, ghost]), ghost: whoIs(this.ghost, this.agents).title };
+      const rank = {
+        city: city.name,
+        time: flyingTime,
+        ...you,
+        ahead: lead([you, ghost]),
+        ghost: whoIs(this.ghost, this.agents).title,
+      };
       this.ranking = [...this.ranking, rank].sort((one, other) => other.ahead - one.ahead);
     },
     /** The next mission in which the first policy wins (1), loses (−1), or is level (0); a search that found none goes on. */
@@ -468,7 +615,13 @@ export class Session {
     },
     /** The means of both policies over a hundred random missions, with their intervals. */
     async many({ quiet }) {
-      const { stage: { mission: { city } }, hangar, pair } = this;
+      const {
+        stage: {
+          mission: { city },
+        },
+        hangar,
+        pair,
+      } = this;
       const rows = pair.map(() => []);
       await this.long(quiet ? "" : `the flight of ${MISSIONS} missions`, async (turn) => {
         for (let k = 0; k < MISSIONS; k += 1) {
@@ -497,15 +650,23 @@ export class Session {
       const { states, action } = hangar.flight(thinker);
       const at = Math.min(step, action.length - 1);
       const map = valueMap(hangar.pilot(thinker), states[at]);
-      this.extra = { ...this.extra, map: { step: at, values: Array.from(map, (each) => (Number.isFinite(each) ? each : null)) } };
+      this.extra = {
+        ...this.extra,
+        map: { step: at, values: Array.from(map, (each) => (Number.isFinite(each) ? each : null)) },
+      };
     },
     shadow({ cell }) {
-      this.extra = { ...this.extra, shadow: { cell, rows: hiddenRows(this.hangar.environment, cell) } };
+      this.extra = {
+        ...this.extra,
+        shadow: { cell, rows: hiddenRows(this.hangar.environment, cell) },
+      };
     },
     /** Chooses the point of a race whose agent flies, over the city in which it learned. */
     race({ point }) {
       const { stage, shelf } = this;
-      const there = shelf.village.sameAs(stage.mission.city) ? stage : withMission(stage, randomMission(shelf.village, RACED, shelf), shelf);
+      const there = shelf.village.sameAs(stage.mission.city)
+        ? stage
+        : withMission(stage, randomMission(shelf.village, RACED, shelf), shelf);
       this.take({ ...there, point }, "race");
     },
     paint(told) {
@@ -513,7 +674,10 @@ export class Session {
       const before = places(this.stage);
       const name = this.paintedName(this.stage.mission.city.name);
       this.take(CHANGES.paint(this.stage, { ...told, name }, this.shelf), "paint");
-      const moves = places(this.stage).map((cell, thing) => ({ thing: thing < before.length - 1 ? `device ${thing}` : "the start", cell }));
+      const moves = places(this.stage).map((cell, thing) => ({
+        thing: thing < before.length - 1 ? `device ${thing}` : "the start",
+        cell,
+      }));
       const moved = moves.filter(({ cell }, k) => String(cell) !== String(before[k]));
       if (moved.length) this.notes.push({ kind: "moved", moved });
     },
@@ -527,16 +691,22 @@ export class Session {
       this.filmed = null; // so that its step is shown, though the flights may be the same
       this.take(known ? { ...stage, mission, flown } : stage, "open");
       if (begins && past) this.recall(past);
-      else if (begins && this.at > 0) [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
+      else if (begins && this.at > 0)
+        [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
       const who = stage.policies.map((name) => whoIs(name, this.agents));
       this.notes.push(...notes.map((each) => ({ ...each, who, city: stage.mission.city.name })));
-      if (file?.name && (others || !notes.length)) this.notes.push({ kind: others ? "others" : "opened", file: file.name });
+      if (file?.name && (others || !notes.length))
+        this.notes.push({ kind: others ? "others" : "opened", file: file.name });
     },
     async save({ what }) {
       const { stage } = this;
       const { mission } = stage;
       if (what === "png") {
-        this.post({ kind: "file", name: `${mission.city.name}.png`, blob: await pictureOf(mission.city) });
+        this.post({
+          kind: "file",
+          name: `${mission.city.name}.png`,
+          blob: await pictureOf(mission.city),
+        });
         return;
       }
       this.notes.push({ kind: "saved", file: `${mission.city.name}_${what}.json` });
@@ -554,7 +724,11 @@ export class Session {
       const stage = readFile(text(each), this.shelf);
       return { ...stage, mission: kept(missions, text(each.mission), () => stage.mission) };
     });
-    Object.assign(this, { history: [...stages.slice(0, at), this.stage, ...stages.slice(at)], at, ranking });
+    Object.assign(this, {
+      history: [...stages.slice(0, at), this.stage, ...stages.slice(at)],
+      at,
+      ranking,
+    });
   }
 
   /** The stage of a file or a link: a stage, a mission, a city's picture, or an agent. */
@@ -570,8 +744,13 @@ export class Session {
     const agent = readAgent(new Uint8Array(await file.arrayBuffer()));
     this.agents[name] = givenAgent(name, agent);
     const knows = this.agents[name].knows(this.stage.mission.city);
-    if (!knows && !agent.city) throw new InputError(`this agent flies over cities of at most ${agent.size} cells on a side`);
+    if (!knows && !agent.city)
+      throw new InputError(`this agent flies over cities of at most ${agent.size} cells on a side`);
     const there = knows ? this.stage : overCity(this.stage, agent.city, this.shelf);
-    return CHANGES.policy({ ...there, tool: there.tool === "watch" ? "compare" : there.tool }, { which: 0, name }, this.shelf);
+    return CHANGES.policy(
+      { ...there, tool: there.tool === "watch" ? "compare" : there.tool },
+      { which: 0, name },
+      this.shelf,
+    );
   }
 }

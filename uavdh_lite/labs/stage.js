@@ -1,7 +1,16 @@
 // The stage: one page with the map, the controls and the panel of a tool. `paint` draws what the
 // session sent, the scene; whatever is done is told to the session, which answers with the next scene.
 
-import { CONTROLS, escaped, flightPanels, lastStep, legend, playback, showing, square } from "../player.js";
+import {
+  CONTROLS,
+  escaped,
+  flightPanels,
+  lastStep,
+  legend,
+  playback,
+  showing,
+  square,
+} from "../player.js";
 import { attend } from "./hands.js";
 import { linkOf } from "./state.js";
 import { TOOLS, brush, button, options } from "./tools.js";
@@ -121,7 +130,10 @@ export function draw(el, model) {
     },
     /** Draws cells as painted until the session has answered. */
     fresh() {
-      const strokes = [...waiting.filter(({ kind }) => kind === "paint"), ...(brush.cells ? [brush] : [])];
+      const strokes = [
+        ...waiting.filter(({ kind }) => kind === "paint"),
+        ...(brush.cells ? [brush] : []),
+      ];
       const drawn = ({ cells, sign }) =>
         `<path class="kind-${sign === "." ? "free" : sign}" d="${cells.map(square).join("")}"/>`;
       stage.fill(".fresh", strokes.map(drawn).join(""));
@@ -129,7 +141,8 @@ export function draw(el, model) {
     get tells() {
       return opening !== null;
     },
-    tellStory: () => stage.ask({ kind: "open", file: new File([JSON.stringify(opening)], ""), story: true }),
+    tellStory: () =>
+      stage.ask({ kind: "open", file: new File([JSON.stringify(opening)], ""), story: true }),
     endStory,
     goOn() {
       const { time, last } = clock.now;
@@ -142,25 +155,36 @@ export function draw(el, model) {
     },
     async copyLink(button) {
       const answered = new Promise((resolve) => (waiting.length ? (settle = resolve) : resolve()));
-      const text = answered.then(() => linkOf(stageNow())).then((link) => `${location.href.split("#")[0]}#${LINK}${link}`);
+      const text = answered
+        .then(() => linkOf(stageNow()))
+        .then((link) => `${location.href.split("#")[0]}#${LINK}${link}`);
       try {
         const blob = text.then((content) => new Blob([content], { type: "text/plain" }));
         await navigator.clipboard.write([new ClipboardItem({ "text/plain": blob })]); // promised during the press
         button.textContent = "Copied";
-        if (location.protocol === "file:") stage.refuse("Whoever opens the link needs this file, too: open it, press More and paste the link.", true);
+        if (location.protocol === "file:")
+          stage.refuse(
+            "Whoever opens the link needs this file, too: open it, press More and paste the link.",
+            true,
+          );
         setTimeout(() => (button.textContent = button.dataset.name), 1500);
       } catch {
         find(".drawer").show();
         find("[data-set=link]").value = await text;
         find("[data-set=link]").select();
-        stage.refuse("Not copied, because the browser does not allow it here: copy the link from its field.");
+        stage.refuse(
+          "Not copied, because the browser does not allow it here: copy the link from its field.",
+        );
       }
     },
     /** Opens a link's part of an address, or a text that ends with it; `here` if the address is there already. */
     openLink(text, here = false) {
       const there = text.split(LINK)[1]?.replace(/%..|[^\w-]/g, ""); // a mail adds full stops, quotes and line breaks
       if (there) stage.ask({ kind: "open", link: there, here });
-      else if (text) stage.refuse(`Not done: ${here ? "this address" : "this"} is not a link to a page of the labs, which has letters after #${LINK}.`);
+      else if (text)
+        stage.refuse(
+          `Not done: ${here ? "this address" : "this"} is not a link to a page of the labs, which has letters after #${LINK}.`,
+        );
       return Boolean(there);
     },
   };
@@ -171,7 +195,10 @@ export function draw(el, model) {
       waiting.push(told);
       if (told.kind === "paint") stage.fresh();
       clearTimeout(slow);
-      slow = setTimeout(() => busy(told.kind === "values" ? "Working out the value of each cell …" : "Flying …"), SLOW);
+      slow = setTimeout(
+        () => busy(told.kind === "values" ? "Working out the value of each cell …" : "Flying …"),
+        SLOW,
+      );
     }
     model.send(told);
   }
@@ -183,7 +210,8 @@ export function draw(el, model) {
   }
 
   function busy(text, share) {
-    if (!text && find(".busy").contains(document.activeElement)) find("#panel").focus({ preventScroll: true });
+    if (!text && find(".busy").contains(document.activeElement))
+      find("#panel").focus({ preventScroll: true });
     find(".busy").hidden = !text;
     find(".busy span").textContent = text;
     find(".busy progress").toggleAttribute("value", false);
@@ -206,7 +234,9 @@ export function draw(el, model) {
     const changed = version !== scene.version || drawnTool !== state.tool;
     const giveBack = heldFocus();
     if (changed) drawMaps(film, state.tool);
-    const warnings = scene.warnings.map((text) => `<p class="warning">${escaped(text)}</p>`).join("");
+    const warnings = scene.warnings
+      .map((text) => `<p class="warning">${escaped(text)}</p>`)
+      .join("");
     const place = scene.place ? `<p class="place"><small>${escaped(scene.place)}</small></p>` : "";
     const other = drawnTool !== state.tool || (changed && state.tool === "compare"); // its verdict comes first
     if (other) find("#panel").scrollTop = find(".inside").scrollTop = 0;
@@ -215,7 +245,10 @@ export function draw(el, model) {
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
       map.querySelector(".over").innerHTML = `${tool.over?.(scene, k) ?? ""}<path class="cursor"/>`;
     });
-    find("[data-set=city]").innerHTML = options(state.cities.map((each) => [each, each]), state.city);
+    find("[data-set=city]").innerHTML = options(
+      state.cities.map((each) => [each, each]),
+      state.city,
+    );
     find(".undo").disabled = !state.undo;
     find(".redo").disabled = !state.redo;
     paintDrawer();
@@ -249,10 +282,12 @@ export function draw(el, model) {
       map.setAttribute("aria-label", `map: ${cursor}`);
     }
     for (const start of el.querySelectorAll(".map g:has(> g > .start)")) start.dataset.device = -1;
-    for (const bar of el.querySelectorAll(".flight ~ .flight .bar")) bar.removeAttribute("tabindex"); // the first map's do the same
+    for (const bar of el.querySelectorAll(".flight ~ .flight .bar"))
+      bar.removeAttribute("tabindex"); // the first map's do the same
     for (const thing of el.querySelectorAll(".map g[data-device]")) {
       const k = Number(thing.dataset.device);
-      const [name, [row, col]] = k < 0 ? ["start", scene.state.start] : [`device ${k}`, film.devices[k].cell];
+      const [name, [row, col]] =
+        k < 0 ? ["start", scene.state.start] : [`device ${k}`, film.devices[k].cell];
       thing.setAttribute("tabindex", thing.closest(".flight ~ .flight") ? "-1" : "0");
       thing.setAttribute("role", "button");
       thing.setAttribute("aria-label", `${name}, row ${row}, column ${col}; arrows move it`);
@@ -260,8 +295,14 @@ export function draw(el, model) {
   }
 
   /** A flight that has not begun, where none is shown. */
-  const atStart = ({ name, path: [start], left: [all] }) =>
-    ({ name, path: [start], left: [all], refused: [], end: "in the air", ending: "" });
+  const atStart = ({ name, path: [start], left: [all] }) => ({
+    name,
+    path: [start],
+    left: [all],
+    refused: [],
+    end: "in the air",
+    ending: "",
+  });
 
   /** A function that gives the focus back to what has taken its place, or to the panel. */
   function heldFocus() {
@@ -275,7 +316,11 @@ export function draw(el, model) {
     const lost = () => !el.contains(document.activeElement) || document.activeElement.disabled;
     return () => {
       if (!focused || !lost()) return;
-      const same = map ? ".map svg" : name ? `${where}[data-${name}="${CSS.escape(value)}"]` : `.${focused.classList[0]}`;
+      const same = map
+        ? ".map svg"
+        : name
+          ? `${where}[data-${name}="${CSS.escape(value)}"]`
+          : `.${focused.classList[0]}`;
       if (same !== ".undefined") find(same)?.focus({ preventScroll: true });
       if (lost() && inDrawer) find("[data-set=place]").focus(); // what had it was removed
       if (lost()) find("#panel").focus({ preventScroll: true });
@@ -294,11 +339,20 @@ export function draw(el, model) {
     const row = ({ cell, data }, k) => `<tr><th>device ${k}</th>${place(k, cell)}
       <td>${field(`data ${k}`, "data", data, 'min="0" max="32767" step="any"')}</td>
       <td>${button("×", { kind: "remove", device: k }, `aria-label="remove device ${k}" title="remove"`)}</td></tr>`;
-    stage.fill(".devices", `${state.devices.map(row).join("")}<tr><th>start</th>${place(-1, state.start)}</tr>`);
-    stage.fill(".fields", field("time", "flying time", state.flyingTime, `min="1" max="${LONGEST}"`));
+    stage.fill(
+      ".devices",
+      `${state.devices.map(row).join("")}<tr><th>start</th>${place(-1, state.start)}</tr>`,
+    );
+    stage.fill(
+      ".fields",
+      field("time", "flying time", state.flyingTime, `min="1" max="${LONGEST}"`),
+    );
     find("[data-set=place]").setAttribute("aria-pressed", adding);
     find("[data-set=place]").disabled = full;
-    stage.fill(".hint", full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "");
+    stage.fill(
+      ".hint",
+      full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "",
+    );
   }
 
   // What the browser keeps, for a reload, for back and forward, and as the page's address
@@ -313,7 +367,12 @@ export function draw(el, model) {
   const stageNow = () => ({ ...scene.stage, step: shownStep() });
   const stateNow = () => {
     const asks = [...waiting, ...again, ...next.values()];
-    return { stage: stageNow(), asks, sign: brush.sign, story: story && { step: Math.floor(clock.now.time) } };
+    return {
+      stage: stageNow(),
+      asks,
+      sign: brush.sign,
+      story: story && { step: Math.floor(clock.now.time) },
+    };
   };
   const placeOf = ({ mission, tool }) => JSON.stringify([mission, tool]); // another is another entry
   const opens = () => waiting.some(({ kind }) => kind === "open"); // then this entry is not ours to write
@@ -354,7 +413,12 @@ export function draw(el, model) {
   function openEntry(state) {
     entry = state?.stage ? { place: placeOf(state.stage), since: -BURST } : {}; // what is done next is another
     if (!state?.stage) return stage.openLink(location.hash, true);
-    stage.ask({ kind: "open", file: new File([JSON.stringify(state.stage)], ""), here: true, past: state.past });
+    stage.ask({
+      kind: "open",
+      file: new File([JSON.stringify(state.stage)], ""),
+      here: true,
+      past: state.past,
+    });
     return true;
   }
 
@@ -373,19 +437,28 @@ export function draw(el, model) {
     const { parting, why, verdict, results, many } = scene.panel;
     const home = many?.map(({ who, both }) => `${who.subject} brings ${both[0]} %`).join(" and ");
     const [other, lead] = many ? [many[1].who.subject, many[1].both[0] - many[0].both[0]] : []; // the first wins this mission
-    const often = home ? ` Over 100 random missions, ${home} of the data home${lead > 0 ? `, so on average ${other} is ahead` : ""}.` : "";
+    const often = home
+      ? ` Over 100 random missions, ${home} of the data home${lead > 0 ? `, so on average ${other} is ahead` : ""}.`
+      : "";
     return [
-      [0, "Two drones, one mission: collect the devices' data, and land on a blue cell in time.",
-        "Grey: tall buildings. Red lines: no-fly zone. Violet: hidden from the device that is heard."],
+      [
+        0,
+        "Two drones, one mission: collect the devices' data, and land on a blue cell in time.",
+        "Grey: tall buildings. Red lines: no-fly zone. Violet: hidden from the device that is heard.",
+      ],
       [parting ?? 0, `Here they part for good. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
-      [Math.max(...results.map(({ steps }) => steps)),
-        `${verdict} This mission was chosen because the difference shows.${often} Now it is your turn: drag a device, or fly yourself.`],
+      [
+        Math.max(...results.map(({ steps }) => steps)),
+        `${verdict} This mission was chosen because the difference shows.${often} Now it is your turn: drag a device, or fly yourself.`,
+      ],
     ];
   }
 
   function tellStory(time, playing) {
     if (!story) return;
-    const [, text, about = ""] = captions().filter(([from]) => from <= time).at(-1);
+    const [, text, about = ""] = captions()
+      .filter(([from]) => from <= time)
+      .at(-1);
     const [caption, told, go, skip] = [".caption", ".told", ".go", ".skip"].map(find);
     const end = time >= clock.now.last;
     caption.hidden = false;
@@ -416,7 +489,9 @@ export function draw(el, model) {
       ({ scene } = told);
       past = scene.past ?? past; // is told when it has changed
       if (first) return begin();
-      const answer = scene.refused ? {} : (waiting.find(({ number }) => number === scene.number) ?? {});
+      const answer = scene.refused
+        ? {}
+        : (waiting.find(({ number }) => number === scene.number) ?? {});
       const answered = answer.kind;
       if (answered === "open") find(".drawer").close();
       waiting = waiting.filter(({ number }) => number !== scene.number);

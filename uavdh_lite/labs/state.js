@@ -4,15 +4,34 @@
 
 import { bytesOf } from "./pilots.js";
 import { LONGEST } from "./words.js";
-import { ACTIONS, City, InputError, MAX_SIZE, Mission, kept, missionFromJson, require, sum } from "./world.js";
+import {
+  ACTIONS,
+  City,
+  InputError,
+  MAX_SIZE,
+  Mission,
+  kept,
+  missionFromJson,
+  require,
+  sum,
+} from "./world.js";
 
 const [FORMAT, VERSION] = ["uavdh_lite stage", 1];
-const PAINTS = "Black is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
+const PAINTS =
+  "Black is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
 const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
 export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
 export const LETTERS = "neswhl"; // of the actions, in their order
 export const YOU = "you";
-export const LAYERS = ["none", "landing zone", "no-fly zone", "buildings", "data left", "data collected", "value"];
+export const LAYERS = [
+  "none",
+  "landing zone",
+  "no-fly zone",
+  "buildings",
+  "data left",
+  "data collected",
+  "value",
+];
 export const METRICS = ["collected_and_landed", "landed"]; // of the curves in Watch
 
 /** Ways to look, and what each may be: `fits(value, shelf)`. */
@@ -21,10 +40,16 @@ export const LOOKS = {
   centred: (value) => typeof value === "boolean",
   metric: (value) => METRICS.includes(value),
   runs: (value, { races }) =>
-    Array.isArray(value) && value.length >= Math.min(races.length, 1) &&
+    Array.isArray(value) &&
+    value.length >= Math.min(races.length, 1) &&
     value.every((k, at) => Number.isInteger(k) && races[k] && at < 2 && value.indexOf(k) === at), // none races itself
 };
-const usualLooks = ({ races }) => ({ layer: "none", centred: false, metric: METRICS[0], runs: races.slice(0, 2).map((_, k) => k) });
+const usualLooks = ({ races }) => ({
+  layer: "none",
+  centred: false,
+  metric: METRICS[0],
+  runs: races.slice(0, 2).map((_, k) => k),
+});
 
 /**
  * @typedef {object} Stage
@@ -48,15 +73,28 @@ const usualLooks = ({ races }) => ({ layer: "none", centred: false, metric: METR
  */
 
 /** The stage of a mission, with the agent and greedy. */
-export const newStage = (mission, shelf) =>
-  ({ mission, policies: usualPolicies(mission.city, shelf), tool: "compare", flown: "", step: -1, device: 0, held: null, looks: usualLooks(shelf), point: null });
+export const newStage = (mission, shelf) => ({
+  mission,
+  policies: usualPolicies(mission.city, shelf),
+  tool: "compare",
+  flown: "",
+  step: -1,
+  device: 0,
+  held: null,
+  looks: usualLooks(shelf),
+  point: null,
+});
 
 export const isInside = (cell, size) =>
-  Array.isArray(cell) && cell.length === 2 && cell.every((at) => Number.isInteger(at) && at >= 0 && at < size);
+  Array.isArray(cell) &&
+  cell.length === 2 &&
+  cell.every((at) => Number.isInteger(at) && at >= 0 && at < size);
 
 /** The point of a race that is told, or nothing. */
 export const pointOf = ({ runs }, point, { races }) =>
-  point?.length === 2 && point.every?.(Number.isInteger) ? races[runs[point[0]]]?.points[point[1]] : undefined;
+  point?.length === 2 && point.every?.(Number.isInteger)
+    ? races[runs[point[0]]]?.points[point[1]]
+    : undefined;
 
 /** The agent and its rival: the agent of the recipe `lite`, a strengthened DDQN, where one was trained for the city. */
 function usualPolicies(city, { known }) {
@@ -69,9 +107,13 @@ function usualPolicies(city, { known }) {
 export function withMission(stage, mission, shelf) {
   let { policies } = stage;
   if (mission.city !== stage.mission.city) {
-    const [usual, before] = [mission.city, stage.mission.city].map((city) => usualPolicies(city, shelf));
+    const [usual, before] = [mission.city, stage.mission.city].map((city) =>
+      usualPolicies(city, shelf),
+    );
     const names = shelf.known(mission.city);
-    policies = policies.map((name, k) => (names.includes(name) && name !== before[k] ? name : usual[k]));
+    policies = policies.map((name, k) =>
+      names.includes(name) && name !== before[k] ? name : usual[k],
+    );
     if (policies[0] === policies[1]) policies = usual;
   }
   const device = Math.min(stage.device, mission.devices.length - 1);
@@ -84,23 +126,35 @@ function scenarioOf(city, { cities, scenarios }) {
   const known = Object.values(cities).find((each) => scenarios[each.name] && each.sameAs(city));
   if (known) return scenarios[known.name];
   const most = Math.min(3, sum(city.openToDevices));
-  return { name: city.name, devices: [1, most], data: [5, 20], flying_time: [2 * city.size, 4 * city.size] };
+  return {
+    name: city.name,
+    devices: [1, most],
+    data: [5, 20],
+    flying_time: [2 * city.size, 4 * city.size],
+  };
 }
 
-export const randomMission = (city, number, shelf) => Mission.draw(scenarioOf(city, shelf), city, number);
+export const randomMission = (city, number, shelf) =>
+  Mission.draw(scenarioOf(city, shelf), city, number);
 
 /** The stage with a random mission over a city. */
-export const overCity = (stage, city, shelf) => withMission(stage, randomMission(city, 0, shelf), shelf);
+export const overCity = (stage, city, shelf) =>
+  withMission(stage, randomMission(city, 0, shelf), shelf);
 
 const written = new WeakMap(); // missions as JSON
 
 /** What the saved file holds. */
-export const stageAsJson = ({ mission, ...look }) =>
-  ({ format: FORMAT, version: VERSION, ...look, mission: kept(written, mission, () => mission.asJson()) });
+export const stageAsJson = ({ mission, ...look }) => ({
+  format: FORMAT,
+  version: VERSION,
+  ...look,
+  mission: kept(written, mission, () => mission.asJson()),
+});
 
-const requireVersion = ({ version }) => require(version === VERSION, version === undefined
-  ? "this file does not say which version of the labs saved it: save it again"
-  : `this file was saved by another version of the labs (${version}; this page reads ${VERSION}): open it there, or make it again here`);
+const requireVersion = ({ version }) =>
+  require(version === VERSION, version === undefined
+    ? "this file does not say which version of the labs saved it: save it again"
+    : `this file was saved by another version of the labs (${version}; this page reads ${VERSION}): open it there, or make it again here`);
 
 /** The mission of a file; errors name its parts as people do. */
 function missionOf(values) {
@@ -110,9 +164,15 @@ function missionOf(values) {
     return missionFromJson(values);
   } catch ({ message }) {
     const said = message
-      .replace(/^city\.rows\[(\d+)\]: must be a row of.*/, "row $1 of the city: only . (open ground), N (no-fly zone), b (low building), " +
-        "L (landing zone) and B (tall building) may stand there")
-      .replace(/^devices\[(\d+)\](?:\.(\w+))?/, (_, device, what) => `${what ? `the ${what} of ` : ""}device ${device}`)
+      .replace(
+        /^city\.rows\[(\d+)\]: must be a row of.*/,
+        "row $1 of the city: only . (open ground), N (no-fly zone), b (low building), " +
+          "L (landing zone) and B (tall building) may stand there",
+      )
+      .replace(
+        /^devices\[(\d+)\](?:\.(\w+))?/,
+        (_, device, what) => `${what ? `the ${what} of ` : ""}device ${device}`,
+      )
       .replace(/^flying_time: (.* to )\d+$/, `the flying time: $1${LONGEST}`);
     throw new InputError(`${said}. Correct this in the file, or save it again`);
   }
@@ -129,22 +189,48 @@ export function readFile(text, shelf, notes = []) {
     values = JSON.parse(text.replace(/^\ufeff/, ""));
   } catch {
     require(!/^\s*{/.test(text), "this file is damaged or cut off: save it again");
-    throw new InputError("this is not a file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)");
+    throw new InputError(
+      "this is not a file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)",
+    );
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionOf(values), shelf);
-  require(values?.format === FORMAT, "this file holds neither a saved page nor a mission: open one that More → Save made");
+  require(values?.format ===
+    FORMAT, "this file holds neither a saved page nor a mission: open one that More → Save made");
   requireVersion(values);
-  const { policies, tool, flown, step, device, held = null, looks: told = {}, point = null } = values;
+  const {
+    policies,
+    tool,
+    flown,
+    step,
+    device,
+    held = null,
+    looks: told = {},
+    point = null,
+  } = values;
   const mission = missionOf(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
-  const index = (value, name, least, most) => require(Number.isInteger(value) && value >= least && value <= most,
-    `this file shows ${name} ${value}: here it must be a whole number from ${least} to ${most}`);
-  require(shelf.tools.includes(tool), `this file opens the tool ${JSON.stringify(tool)}, which this page does not have`);
-  require(policies?.length === 2 && policies.every((each) => typeof each === "string"), "this file does not say which two fly: save it again");
-  require(/^[neswhl]*$/.test(flown), `this file has a flight ${JSON.stringify(flown)}, which has other letters than ${LETTERS}`);
+  const index = (value, name, least, most) =>
+    require(Number.isInteger(value) &&
+      value >= least &&
+      value <=
+        most, `this file shows ${name} ${value}: here it must be a whole number from ${least} to ${most}`);
+  require(shelf.tools.includes(
+    tool,
+  ), `this file opens the tool ${JSON.stringify(tool)}, which this page does not have`);
+  require(policies?.length === 2 &&
+    policies.every(
+      (each) => typeof each === "string",
+    ), "this file does not say which two fly: save it again");
+  require(/^[neswhl]*$/.test(
+    flown,
+  ), `this file has a flight ${JSON.stringify(flown)}, which has other letters than ${LETTERS}`);
   index(step, "step", -1, mission.flyingTime);
   index(device, "device", 0, mission.devices.length - 1);
-  require(held === null || isInside(held, mission.city.size), `this file holds the cell ${JSON.stringify(held)}, which this city does not have`);
+  require(held === null ||
+    isInside(
+      held,
+      mission.city.size,
+    ), `this file holds the cell ${JSON.stringify(held)}, which this city does not have`);
   const strangers = policies.filter((name) => !names.includes(name));
   if (strangers.length) notes.push({ kind: "strangers", strangers });
   else if (policies[0] === policies[1]) notes.push({ kind: "twice" });
@@ -154,12 +240,26 @@ export function readFile(text, shelf, notes = []) {
   const races = shelf.races.length > 0;
   for (const [name, fits] of Object.entries(LOOKS)) {
     if (name !== "runs" || races) looks[name] = told[name] ?? looks[name]; // older files have none
-    require(fits(looks[name], shelf), name === "runs" ? "this file shows training runs that this page does not have" :
-      `this file chooses the ${name} ${JSON.stringify(looks[name])}, which this page does not have`);
+    require(fits(looks[name], shelf), name === "runs"
+      ? "this file shows training runs that this page does not have"
+      : `this file chooses the ${name} ${JSON.stringify(looks[name])}, which this page does not have`);
   }
-  const flies = !races || point === null || (pointOf(looks, point, shelf) && mission.city.sameAs(shelf.village));
+  const flies =
+    !races ||
+    point === null ||
+    (pointOf(looks, point, shelf) && mission.city.sameAs(shelf.village));
   require(flies, `this file shows the point ${JSON.stringify(point)} of a training, of which no agent flies here`);
-  return { mission, policies: there[0] === there[1] ? usual : there, tool, flown, step, device, held, looks, point: races ? point : null };
+  return {
+    mission,
+    policies: there[0] === there[1] ? usual : there,
+    tool,
+    flown,
+    step,
+    device,
+    held,
+    looks,
+    point: races ? point : null,
+  };
 }
 
 const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
@@ -188,7 +288,8 @@ export async function cityOfPicture(file, name) {
   const picture = await createImageBitmap(file, exact).catch(() => null);
   require(picture, "this is not a readable PNG, or it is damaged: open one that Save as PNG made in Paint");
   const { width, height } = picture;
-  require(Math.max(width, height) <= MAX_SIZE, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
+  require(Math.max(width, height) <=
+    MAX_SIZE, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
   const canvas = new OffscreenCanvas(width, height).getContext("2d");
   canvas.drawImage(picture, 0, 0);
   try {
@@ -208,7 +309,9 @@ export function pictureOf({ size, pixels }) {
 /** The nearest cell to one among those of a mask. */
 function nearest(city, mask, [row, col]) {
   const far = ([r, c]) => Math.abs(r - row) + Math.abs(c - col);
-  const cells = [...mask.keys()].filter((number) => mask[number]).map((number) => city.position(number));
+  const cells = [...mask.keys()]
+    .filter((number) => mask[number])
+    .map((number) => city.position(number));
   require(cells.length, "no cell is left for the devices: leave some free");
   return cells.reduce((one, other) => (far(other) < far(one) ? other : one));
 }
@@ -222,7 +325,11 @@ function repainted(mission, city) {
     return there;
   });
   const { start } = mission;
-  return mission.with({ city, devices, start: city.noFly[city.cell(start)] ? nearest(city, city.landing, start) : start });
+  return mission.with({
+    city,
+    devices,
+    start: city.noFly[city.cell(start)] ? nearest(city, city.landing, start) : start,
+  });
 }
 
 const put = (values, index, value) => values.map((each, k) => (k === index ? value : each));
@@ -238,14 +345,19 @@ export const CHANGES = {
     const number = isInside(cell, city.size) ? city.cell(cell) : -1; // what lies outside, the mission refuses
     const zone = device < 0 ? city.noFly[number] && "no-fly" : city.landing[number] && "landing";
     const what = city.buildings[number] ? "building" : zone && `${zone} zone`;
-    require(!what, `row ${cell[0]}, column ${cell[1]} is a ${what}. ${device < 0
-      ? "The start may be wherever the UAV may fly" : "Devices stand on open ground or in a no-fly zone"}`);
+    require(!what, `row ${cell[0]}, column ${cell[1]} is a ${what}. ${
+      device < 0
+        ? "The start may be wherever the UAV may fly"
+        : "Devices stand on open ground or in a no-fly zone"
+    }`);
     if (device < 0) return change(stage, shelf, { start: cell });
     const there = devices.findIndex((each, k) => k !== device && String(each) === String(cell));
-    require(there < 0, `device ${device} cannot stand at row ${cell[0]}, column ${cell[1]}: device ${there} is there`);
+    require(there <
+      0, `device ${device} cannot stand at row ${cell[0]}, column ${cell[1]}: device ${there} is there`);
     return change(stage, shelf, { devices: put(devices, device, cell) });
   },
-  data: (stage, { device, value }, shelf) => change(stage, shelf, { data: put(stage.mission.data, device, value) }),
+  data: (stage, { device, value }, shelf) =>
+    change(stage, shelf, { data: put(stage.mission.data, device, value) }),
   time: (stage, { value }, shelf) => change(stage, shelf, { flyingTime: value }),
   add: (stage, { cell }, shelf) =>
     change(stage, shelf, {
@@ -271,8 +383,11 @@ export const CHANGES = {
   look: (stage, { device }) => ({ ...stage, device }),
   hold: (stage, { cell }) => ({ ...stage, held: cell }),
   /** Chooses a way to look; other runs have other points. */
-  see: (stage, { name, value }) =>
-    ({ ...stage, looks: { ...stage.looks, [name]: value }, point: name === "runs" ? null : stage.point }),
+  see: (stage, { name, value }) => ({
+    ...stage,
+    looks: { ...stage.looks, [name]: value },
+    point: name === "runs" ? null : stage.point,
+  }),
   /** Paints cells with one of the city's signs. */
   paint(stage, { cells, sign, name }, shelf) {
     const rows = stage.mission.city.rows.map((row) => [...row]);

@@ -59,7 +59,13 @@ function hash(number) {
 
 export const MAX_SIZE = 100; // cells on a side
 export const SIGNS = ".NbLB"; // free, no-fly zone, low building, landing zone, tall building
-export const COLOURS = [[0, 0, 0], [255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0]];
+export const COLOURS = [
+  [0, 0, 0],
+  [255, 0, 0],
+  [0, 255, 0],
+  [0, 0, 255],
+  [255, 255, 0],
+];
 const [ON, OFF] = [224, 31]; // a channel counts as set from ON upwards, as not set from OFF downwards
 
 /** A city of M×M cells; see city.py. Raises `InputError` for what cannot be one. */
@@ -74,16 +80,21 @@ export class City {
     this.buildings = this.kinds.map((kind) => kind === 2 || kind === 4);
     /** Where a device may stand. */
     this.openToDevices = this.kinds.map((kind) => kind < 2);
-    const free = grow(this.noFly.map((closed) => 1 - closed), this.size);
+    const free = grow(
+      this.noFly.map((closed) => 1 - closed),
+      this.size,
+    );
     const walledIn = this.landing.findIndex((there, cell) => there && !free[cell]);
     const [row, col] = this.position(walledIn);
-    require(this.size <= MAX_SIZE, `${name}: ${this.size} cells on a side, at most ${MAX_SIZE} fit`);
-    require(this.landing.includes(1), `${name}: no start and landing zone; paint at least one cell blue`);
-    require(
-      walledIn < 0 || this.size === 1,
-      `${name}: landing cell row ${row}, column ${col} lies inside a no-fly zone: ` +
-        "the UAV cannot leave it; free a cell to its north, east, south or west",
-    );
+    require(this.size <=
+      MAX_SIZE, `${name}: ${this.size} cells on a side, at most ${MAX_SIZE} fit`);
+    require(this.landing.includes(
+      1,
+    ), `${name}: no start and landing zone; paint at least one cell blue`);
+    require(walledIn < 0 ||
+      this.size ===
+        1, `${name}: landing cell row ${row}, column ${col} lies inside a no-fly zone: ` +
+      "the UAV cannot leave it; free a cell to its north, east, south or west");
     const devices = this.openToDevices.includes(1);
     require(devices, `${name}: no cell for a device: all are buildings or landing zone; free one`);
     /** Moves from each cell to the nearest landing cell, −1 if none is reachable; Int16Array. */
@@ -97,14 +108,20 @@ export class City {
 
   /** One line per row in `SIGNS`; blanks are ignored. */
   static fromText(name, text) {
-    const rows = text.trim().split("\n").map((line) => line.replace(/\s/g, ""));
+    const rows = text
+      .trim()
+      .split("\n")
+      .map((line) => line.replace(/\s/g, ""));
     rows.forEach((row, r) => {
       const square = row.length === rows.length;
       require(square, `${name}: ${rows.length} rows, but row ${r} has ${row.length} cells`);
       const c = [...row].findIndex((sign) => !SIGNS.includes(sign));
       require(c < 0, `${name}: row ${r}, column ${c}: '${row[c]}' is none of ${SIGNS}`);
     });
-    return new City(name, [...rows.join("")].map((sign) => SIGNS.indexOf(sign)));
+    return new City(
+      name,
+      [...rows.join("")].map((sign) => SIGNS.indexOf(sign)),
+    );
   }
 
   /** A picture's city, one pixel a cell.  @param {ArrayLike<number>} rgba four bytes a pixel */
@@ -115,10 +132,13 @@ export class City {
     const kinds = Array.from({ length: width * height }, (_, pixel) => {
       const parts = [0, 1, 2, 3].map((channel) => rgba[4 * pixel + channel]);
       const clear = parts.every((part, k) => (k < 3 ? part >= ON || part <= OFF : part === 255));
-      const kind = COLOURS.findIndex((colour) => colour.every((part, k) => part > 0 === parts[k] >= ON));
+      const kind = COLOURS.findIndex((colour) =>
+        colour.every((part, k) => part > 0 === parts[k] >= ON),
+      );
       const [row, col] = [Math.floor(pixel / width), pixel % width];
       const where = `${name}: pixel row ${row}, column ${col} is`;
-      require(clear && kind >= 0, `${where} ${code(parts)}, not one of ${COLOURS.map(code).join(", ")}`);
+      require(clear &&
+        kind >= 0, `${where} ${code(parts)}, not one of ${COLOURS.map(code).join(", ")}`);
       return kind;
     });
     const size = `${width} × ${height} cells`;
@@ -239,7 +259,14 @@ export function rate(snrDb) {
 
 export const ACTIONS = ["north", "east", "south", "west", "hover", "land"];
 export const [NORTH, EAST, SOUTH, WEST, HOVER, LAND] = ACTIONS.keys();
-const MOVES = [[-1, 0], [0, 1], [1, 0], [0, -1], [0, 0], [0, 0]]; // row, column
+const MOVES = [
+  [-1, 0],
+  [0, 1],
+  [1, 0],
+  [0, -1],
+  [0, 0],
+  [0, 0],
+]; // row, column
 export const NO_PATH = 32767; // stands for the number of moves where no path leads
 
 /**
@@ -385,9 +412,9 @@ export class Environment {
     return fading.map((draw, place) => {
       const share = (Math.floor(place / devices) + 1) / CHANNEL.slots;
       const device = state.deviceCells[place % devices];
-      const [down, right] = this.city.position(device).map(
-        (axis, i) => CHANNEL.cellSize * (axis - start[i] - share * (end[i] - start[i])),
-      );
+      const [down, right] = this.city
+        .position(device)
+        .map((axis, i) => CHANNEL.cellSize * (axis - start[i] - share * (end[i] - start[i])));
       const sight = this.sight(device)[share < 0.5 ? state.uavCell : nextCell];
       const loss = pathLossDb(CHANNEL.altitude ** 2 + down ** 2 + right ** 2, sight);
       return this.transmitSnrDb - loss + fadingDb(draw, sight);
@@ -451,7 +478,7 @@ export function shortestPaths(environment, cell) {
   const moves = new Int16Array(environment.cells).fill(NO_PATH);
   if (environment.city.noFly[cell]) return moves;
   moves[cell] = 0;
-  for (const queue = [cell]; queue.length; ) {
+  for (const queue = [cell]; queue.length;) {
     const here = queue.shift();
     for (let action = 0; action < HOVER; action++) {
       const ahead = environment.nextCell(here, action);
@@ -533,11 +560,11 @@ export class Mission {
     const { city, start, devices, data, flyingTime, maxDevices } = this;
     const [count, size, limit] = [devices.length, city.size, 2 ** 15];
     const told = ([row, col]) => `(${row}, ${col})`;
-    const requireInside = (position, what) => require(
-      position.every((axis) => axis >= 0 && axis < size),
-      `${what} at ${told(position)} is outside the city of ${size} × ${size} cells: ` +
-        `rows and columns go from 0 to ${size - 1}`,
-    );
+    const requireInside = (position, what) =>
+      require(position.every(
+        (axis) => axis >= 0 && axis < size,
+      ), `${what} at ${told(position)} is outside the city of ${size} × ${size} cells: ` +
+        `rows and columns go from 0 to ${size - 1}`);
     const change = count ? "take some away" : "add one";
     const fits = count >= 1 && count <= maxDevices;
     require(fits, `${count} devices: this scenario takes 1 to ${maxDevices}; ${change}`);
@@ -567,7 +594,14 @@ export class Mission {
     deviceCells.set(cells);
     const dataInitial = new Float32Array(maxDevices);
     dataInitial.set(data);
-    return { uavCell, timeLeft: flyingTime, deviceCells, dataInitial, dataLeft: dataInitial, landed: false };
+    return {
+      uavCell,
+      timeLeft: flyingTime,
+      deviceCells,
+      dataInitial,
+      dataLeft: dataInitial,
+      landed: false,
+    };
   }
 
   /** A new generator of this mission's fading, as it is at the start. */
@@ -670,7 +704,8 @@ export function missionFromJson(values) {
     require(fits, `${entry}: must be a list of ${least} ${most < Infinity ? `to ${most}` : "or more"}`);
     value.forEach((one, k) => check(one, `${entry}[${k}]`));
   };
-  const cell = (value, entry) => list(value, entry, 2, 2, (axis, name) => whole(axis, name, 0, MAX_SIZE - 1));
+  const cell = (value, entry) =>
+    list(value, entry, 2, 2, (axis, name) => whole(axis, name, 0, MAX_SIZE - 1));
   const names = ["city", "start", "devices", "flying_time", "seed", "max_devices"];
   object(values, "the file", "format", "version", ...names);
   require(values.format === FORMAT, `format: must be '${FORMAT}'`);
@@ -678,10 +713,12 @@ export function missionFromJson(values) {
   object(values.city, "city", "name", "rows");
   const { name, rows } = values.city;
   require(typeof name === "string" && name !== "", "city.name: must be a name");
-  const row = (value, entry) => require(/^[.NbLB]+$/.test(value), `${entry}: must be a row of ${SIGNS}`);
+  const row = (value, entry) =>
+    require(/^[.NbLB]+$/.test(value), `${entry}: must be a row of ${SIGNS}`);
   list(rows, "city.rows", 1, MAX_SIZE, row);
   cell(values.start, "start");
-  list(values.devices, "devices", 1, Infinity, (device, entry) => { // the mission says how many are too many
+  list(values.devices, "devices", 1, Infinity, (device, entry) => {
+    // the mission says how many are too many
     object(device, entry, "cell", "data");
     cell(device.cell, `${entry}.cell`);
     const fits = Number.isFinite(device.data) && device.data >= 0 && device.data < 2 ** 15;
