@@ -1,5 +1,6 @@
 """The notebooks' form: pairs, fresh outputs, the template, how long. nbval runs what is in them."""
 
+import ast
 import re
 from functools import cache
 from pathlib import Path
@@ -8,6 +9,8 @@ import execute
 import nbformat
 import numpy as np
 import pytest
+from IPython.core.inputtransformer2 import TransformerManager
+from jupytext.cli import jupytext as jupytext_cli
 from safetensors.numpy import save_file
 
 from uavdh_lite.course.checks import EXERCISES
@@ -188,3 +191,24 @@ def test_nothing_that_belongs_to_one_machine(script, notebook):
     assert not re.search(r"/home/|/work/|/tmp/|/root/|C:\\\\", content)
     assert "widgets" not in notebook.metadata
     assert all("execution" not in cell.metadata for cell in notebook.cells)
+
+
+@pytest.mark.parametrize(
+    "script",
+    SCRIPTS + execute.exercise_scripts() + execute.project_scripts(),
+    ids=lambda one: f"{one.parent.name}-{one.stem}",
+)
+def test_jupytext_opens_the_script_by_itself_and_its_first_cell_runs(script, tmp_path, monkeypatch):
+    """As somebody does who has only the file; `python` reads it, too."""
+    copy = tmp_path / script.name
+    copy.write_bytes(script.read_bytes())
+    assert jupytext_cli(["--quiet", "--to", "ipynb", str(copy)]) == 0
+    cells = [cell.source for cell in code(read(copy.with_suffix(".ipynb")))]
+    shell = TransformerManager()
+    assert cells == [cell.source for cell in code(execute.from_script(script))]
+    for source in cells:
+        ast.parse(shell.transform_cell(source))
+    compile(script.read_text(encoding="utf-8"), script.name, "exec")
+    monkeypatch.chdir(script.parent)
+    exec(compile(shell.transform_cell(cells[0]), script.name, "exec"), {})
+    assert Path.cwd() == NOTEBOOKS

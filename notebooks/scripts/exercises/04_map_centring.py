@@ -1,3 +1,11 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+# ---
+
 # %% [markdown]
 # # Exercises 4 · What the network sees
 #
@@ -16,6 +24,7 @@
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
 from glob import glob
 from importlib.metadata import distributions
+from os import chdir
 
 wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
 places = ("..", ".", "../..", "../../..", *glob("*"))
@@ -25,7 +34,7 @@ if not any(distributions(name="uavdh_lite")):
     assert source, "upload the wheel beside this notebook, or set its address above"
     # %pip install -q "{source[0]}" ipywidgets
 if project:
-    # %cd -q {project[0]}/notebooks
+    chdir(f"{project[0]}/notebooks")
 
 # %%
 # %matplotlib inline
