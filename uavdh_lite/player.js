@@ -6,7 +6,10 @@ const MUCH = 4; // data units in a step; more of them make nothing wider
 export const SQUARE = "h1v1h-1z"; // like the hatches, from a cell's north-west corner
 export const KINDS = {
   L: { name: "start and landing zone", hatch: "m0 .5l.5 .5m-.5 -1l1 1m-.5 -1l.5 .5" },
-  b: { name: "low building: may be flown over", hatch: "m.25 .25h0m.5 0h0m0 .5h0m-.5 0h0" },
+  b: {
+    name: "low building: may be flown over",
+    hatch: "m.25 .25h.01m.49 0h.01m-.01 .5h.01m-.51 0h.01",
+  },
   B: { name: "tall building", hatch: "" },
   N: { name: "no-fly zone", hatch: "m0 .5l.5 -.5m-.5 1l1 -1m-.5 1l.5 -.5" },
 };
@@ -323,8 +326,8 @@ function grid(size, scale) {
   const aside = 0.5 + 0.45 * scale;
   let numbers = "";
   for (let tick = 0; tick < size; tick += Math.max(1, Math.round(size / 8))) {
-    numbers += `<text x="${tick}" y="${size - 1 + aside}">${tick}</text>`;
-    numbers += `<text x="${-aside}" y="${tick}">${tick}</text>`;
+    numbers += `<text x="${tick}" y="${size - 1 + aside}" dy=".35em">${tick}</text>`;
+    numbers += `<text x="${-aside}" y="${tick}" dy=".35em">${tick}</text>`;
   }
   return `<path class="grid" d="${lines}"/><g font-size="${0.5 * scale}">${numbers}</g>`;
 }
@@ -359,7 +362,7 @@ function arrow(width, aside = 0.16) {
 }
 
 const deviceSign = ({ number, colour }) =>
-  `<g class="device" ${coloured(colour)}>${CROSS}<text>${number}</text></g>`;
+  `<g class="device" ${coloured(colour)}>${CROSS}<text dy=".35em">${number}</text></g>`;
 
 // What all signs mean, in the words of `add_legend` in plotting.py.
 export function legend({ city, devices, traced }) {

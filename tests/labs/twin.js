@@ -1,6 +1,6 @@
 // What the JavaScript twins answer to what test_world.py asks.
 
-import { Greedy, bytesOf, readAgent } from "../../uavdh_lite/labs/pilots.js";
+import { Greedy, readAgent } from "../../uavdh_lite/labs/pilots.js";
 import {
   City,
   Environment,
@@ -13,6 +13,8 @@ import {
   reward,
   safeActions,
 } from "../../uavdh_lite/labs/world.js";
+
+const bytesOf = (base64) => new Uint8Array(Buffer.from(base64, "base64"));
 
 export function answer({
   cities,

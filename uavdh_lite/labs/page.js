@@ -18,7 +18,8 @@ function serve() {
 }
 
 function show() {
-  const data = JSON.parse(document.getElementById("data").textContent);
+  const pieces = document.querySelectorAll('script[type="application/json"]');
+  const data = JSON.parse(Array.from(pieces, (piece) => piece.textContent).join(""));
   const code = encodeURIComponent(document.getElementById("code").textContent);
   const model = { own: location.protocol !== "about:" }; // in a notebook, the page has no address of its own
   const worker = new Worker(`data:text/javascript;charset=utf-8,${code}`);

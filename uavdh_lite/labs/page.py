@@ -31,6 +31,7 @@ AGENTS = {  # the agents that the page has, with their names for people
     "any_city": "any-city agent",
 }
 PLACE = "gain", "level_db", "source", "licence"  # what the page has of a real place beside its city
+PIECE = 65_536  # characters of a script: WebKit takes seconds for one that holds all
 LARGEST = 16  # cells on a side of the cities that the page has
 PACKAGE = Path(__file__).parents[1]
 IMPORT = re.compile(r'^import (?:\{([^}]*)\}|\* as (\w+))\s+from "([^"]*)";$', re.MULTILINE)
@@ -48,7 +49,7 @@ PAGE = """\
 <style>body {{ margin: 0; }}
 {style}</style>
 <main id="stage"><p>Beginning …</p></main>
-<script type="application/json" id="data">{data}</script>
+{data}
 <script type="module" id="code">{code}</script>
 </html>
 """
@@ -74,7 +75,9 @@ def page(
     style = "\n".join((PACKAGE / name).read_text(encoding="utf-8") for name in names)
     about = {**data(agents, races), "tool": tool, "mission": mission and as_json(mission)}
     told = json.dumps(about, separators=(",", ":")).replace("<", "\\u003c")
-    return PAGE.format(style=style, data=told, code=bundle(PACKAGE / "labs" / "page.js"))
+    pieces = (told[begin : begin + PIECE] for begin in range(0, len(told), PIECE))
+    held = "\n".join(f'<script type="application/json">{piece}</script>' for piece in pieces)
+    return PAGE.format(style=style, data=held, code=bundle(PACKAGE / "labs" / "page.js"))
 
 
 def write_page(path: str | Path) -> None:

@@ -363,24 +363,7 @@ export function readAgent(bytes) {
 const READ = {
   U8: (content) => content,
   F32: (content) => new Float32Array(content.buffer),
-  F16: (content) => {
-    const found = new Float32Array(content.length / 2);
-    new Uint16Array(content.buffer).forEach((bits, k) => (found[k] = HALF[bits]));
-    return found;
-  },
+  F16: (content) => new Float32Array(new Float16Array(content.buffer)),
 };
 
-// The half-precision number of each pattern of 16 bits
-const HALF = Float32Array.from({ length: 2 ** 16 }, (_, bits) => {
-  const [exponent, fraction] = [(bits >> 10) & 31, (bits & 1023) / 1024];
-  const size = exponent ? 2 ** (exponent - 15) * (1 + fraction) : 2 ** -14 * fraction;
-  return bits >> 15 ? -size : size;
-});
-
-/** The bytes of a text in base64. */
-export function bytesOf(base64) {
-  const letters = atob(base64);
-  const bytes = new Uint8Array(letters.length);
-  for (let k = 0; k < bytes.length; k++) bytes[k] = letters.charCodeAt(k);
-  return bytes;
-}
+export const bytesOf = (base64) => Uint8Array.fromBase64(base64);

@@ -2,7 +2,6 @@
 // `CHANGES` makes the next one from what somebody does. As JSON it is the saved file, and packed into
 // letters the page's address.
 
-import { bytesOf } from "./pilots.js";
 import { LONGEST } from "./words.js";
 import {
   ACTIONS,
@@ -18,7 +17,7 @@ import {
 
 const [FORMAT, VERSION] = ["uavdh_lite stage", 1];
 const PAINTS =
-  "Black is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
+  "Black or white is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
 const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
 export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
 export const LETTERS = "neswhl"; // of the actions, in their order
@@ -262,21 +261,26 @@ export function readFile(text, shelf, notes = []) {
   };
 }
 
-const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
-const through = (bytes, stream) => new Response(new Blob([bytes]).stream().pipeThrough(stream));
+/** Bytes through a stream that packs or unpacks them; one rejection where they do not fit it. */
+async function through(bytes, { writable, readable }) {
+  const writer = writable.getWriter();
+  const written = writer.write(bytes).then(() => writer.close());
+  const [packed] = await Promise.all([new Response(readable).arrayBuffer(), written]);
+  return new Uint8Array(packed);
+}
+const ADDRESS = { alphabet: "base64url", omitPadding: true };
 
 /** What a file holds in letters that may stand in an address. */
 export async function linkOf(values) {
-  const packed = through(JSON.stringify(values), new CompressionStream("deflate"));
-  const letters = base64(new Uint8Array(await packed.arrayBuffer()));
-  return letters.replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+  const bytes = new TextEncoder().encode(JSON.stringify(values));
+  return (await through(bytes, new CompressionStream("deflate"))).toBase64(ADDRESS);
 }
 
 /** The text of a link; the error says why it cannot be opened. */
 export async function textOfLink(link) {
   try {
-    const packed = bytesOf(link.replaceAll("-", "+").replaceAll("_", "/"));
-    return await through(packed, new DecompressionStream("deflate")).text();
+    const bytes = Uint8Array.fromBase64(link, ADDRESS);
+    return new TextDecoder().decode(await through(bytes, new DecompressionStream("deflate")));
   } catch {
     throw new InputError("this link is damaged: copy the whole link again");
   }
@@ -293,7 +297,10 @@ export async function cityOfPicture(file, name) {
   const canvas = new OffscreenCanvas(width, height).getContext("2d");
   canvas.drawImage(picture, 0, 0);
   try {
-    return City.fromPixels(name, width, height, canvas.getImageData(0, 0, width, height).data);
+    const { data } = canvas.getImageData(0, 0, width, height);
+    for (let at = 0; at < data.length; at += 4)
+      if (data.subarray(at, at + 4).every((part) => part > 223)) data.fill(0, at, at + 3); // white ground
+    return City.fromPixels(name, width, height, data);
   } catch ({ message }) {
     throw new InputError(`${message.replace(name, file.name)}. ${PAINTS}`);
   }
