@@ -1,4 +1,4 @@
-"""Record the trainings that the labs' *Watch it learn* shows: four settings of the recipe `small`.
+"""Record the trainings that the labs' *Watch it learn* shows: four settings of one recipe.
 
     python benchmarks/races.py
 
@@ -18,12 +18,33 @@ from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.provenance import provenance
-from uavdh_lite.recipe import find_recipe
+from uavdh_lite.recipe import LITE
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json
 from uavdh_lite.streams import Use
 from uavdh_lite.training import Trainer
 
+# `lite` for a village and half a minute
+QUICK = replace(
+    LITE,
+    name="quick",
+    steps=48_000,
+    kernels=8,
+    kernel_size=3,
+    strides=(2, 2),
+    hidden=(128, 128),
+    learning_rate=2e-3,
+    batch_size=64,
+    environments=16,
+    replay_capacity=40_000,
+    replay_prefill=2_000,
+    temperature=1.0,
+    crash_reward=-5.0,
+    crash_reward_end=-20.0,
+    crash_reward_growth=0.75,
+    validation_interval=8_000,
+    validation_episodes=200,
+)
 CITY = "village"
 EPISODES = 100  # missions of a point
 POINTS = (0, 3_000, 6_000, 9_000, 12_000, 18_000, 24_000, 32_000, 40_000, 48_000)
@@ -55,7 +76,7 @@ SETTINGS = {  # title, what it is, changes of the recipe
 def record(name: str, seed: int, folder: Path) -> dict:
     """Train with one setting; returns what `races.json` holds of it."""
     title, text, changes = SETTINGS[name]
-    recipe = replace(BeyondRecipe(**asdict(find_recipe("small"))), **changes)
+    recipe = replace(BeyondRecipe(**asdict(QUICK)), **changes)
     trainer = Trainer(find_scenario(CITY), recipe, seed)
     points, begin = [], time.perf_counter()
     for steps in POINTS:

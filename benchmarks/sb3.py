@@ -29,12 +29,33 @@ from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.evaluation import Policy, evaluate
 from uavdh_lite.network import convolutions
 from uavdh_lite.provenance import provenance
-from uavdh_lite.recipe import SMALL
+from uavdh_lite.recipe import LITE
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json, write_table
 from uavdh_lite.streams import Use
 from uavdh_lite.training import Trainer
 
+# `lite` for a village and half a minute
+QUICK = replace(
+    LITE,
+    name="quick",
+    steps=48_000,
+    kernels=8,
+    kernel_size=3,
+    strides=(2, 2),
+    hidden=(128, 128),
+    learning_rate=2e-3,
+    batch_size=64,
+    environments=16,
+    replay_capacity=40_000,
+    replay_prefill=2_000,
+    temperature=1.0,
+    crash_reward=-5.0,
+    crash_reward_end=-20.0,
+    crash_reward_growth=0.75,
+    validation_interval=8_000,
+    validation_episodes=200,
+)
 OUT = "data/runs/sb3-village"
 STEPS, BETWEEN = 48_000, 8_000  # environment steps of a run, and between two evaluations
 TASK = {"scenario": "village", "rewards": Rewards(crash=-20.0, movement=-0.1)}
@@ -50,7 +71,7 @@ class Convolutions(BaseFeaturesExtractor):
     """What comes before the fully connected layers of our network."""
 
     def __init__(self, space: gymnasium.spaces.Dict):
-        shape, r = space["map"].shape, SMALL
+        shape, r = space["map"].shape, QUICK
         layers, features = convolutions(shape, r.kernels, r.kernel_size, r.strides, r.leak)
         super().__init__(space, features + 1)
         self.convolutions = layers
@@ -63,8 +84,8 @@ NETWORKS = {
     "": {},
     "_convolutions": {
         "features_extractor_class": Convolutions,
-        "net_arch": list(SMALL.hidden),
-        "activation_fn": partial(nn.LeakyReLU, SMALL.leak),
+        "net_arch": list(QUICK.hidden),
+        "activation_fn": partial(nn.LeakyReLU, QUICK.leak),
     },
 }
 
@@ -80,7 +101,7 @@ def row(variant: str, seed: int, steps: int, seconds: float, policy: Policy) -> 
 
 def ours(seed: int) -> list[dict]:
     """One run of our DDQN; a row for each evaluation."""
-    recipe = replace(SMALL, steps=STEPS)
+    recipe = replace(QUICK, steps=STEPS)
     trainer, rows, spent = Trainer(find_scenario("village"), recipe, seed), [], 0.0
     for target in range(BETWEEN, STEPS + 1, BETWEEN):
         started = time.process_time()

@@ -11,7 +11,12 @@ from uavdh_lite.recipe import PAPER, SMALL, recipe_from_json
 
 def test_schedules():
     recipe = replace(
-        SMALL, steps=2000, temperature_decay=0.5, crash_reward_end=-60, crash_reward_growth=0.5
+        SMALL,
+        steps=2000,
+        temperature=1.0,
+        temperature_end=0.1,
+        crash_reward_end=-60,
+        crash_reward_growth=0.5,
     )
     steps = (0, 500, 1000, 1800)
     assert [recipe.training_rewards_at(s).crash for s in steps] == [-5, -32.5, -60, -60]
