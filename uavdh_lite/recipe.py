@@ -216,10 +216,7 @@ SMALL = replace(
     validation_interval=24_000,
     validation_episodes=200,
 )
-"""The paper's algorithm for the small city `village`, where it learns within a minute.
-
-`docs/results/recipe.md` says what each of its departures from `PAPER` is worth.
-"""
+"""The paper's algorithm for the small city `village`, where it learns within a minute."""
 
 for recipe in (PAPER, PLAIN, LITE, SMALL):
     registry.register("recipe", recipe.name, recipe)

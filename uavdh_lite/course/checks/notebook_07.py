@@ -227,6 +227,8 @@ LAZY = replace(
     crash_reward_end=-150.0,
     huber_delta=None,
     temperature=0.1,
+    temperature_end=0.1,
+    temperature_decay=0.25,
     exploring_starts=0.0,
 )
 MOST_STEPS, LEAST_PENALTY, LEAST_SCORE = 24_000, -40.0, 0.35
