@@ -1,10 +1,15 @@
 """The Q-network: convolutions over the map, then fully connected layers (paper, Fig. 2)."""
 
+from math import ceil, prod
+
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import pad
 
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.errors import InputError
+
+NO_FLY_LAYER = 1  # of the map; outside the city it is 1, and every other layer 0
 
 
 class QNetwork(nn.Module):
@@ -12,6 +17,9 @@ class QNetwork(nn.Module):
 
     The initial weights are those of the authors' framework, Keras: Glorot's uniform ones, and
     biases of 0.
+
+    The convolutions read every cell of the map: where strides would leave some out, `WholeFrame`
+    first adds cells to the south and east.
 
     | part | shape, for the paper's 5 layers of a 16×16 city |
     | --- | --- |
@@ -39,16 +47,56 @@ class QNetwork(nn.Module):
         leak: float = 0.0,
     ):
         super().__init__()
-        self.convolutions, features = convolutions(map_shape, kernels, kernel_size, strides, leak)
+        channels, width, _ = map_shape
+        self.frame = WholeFrame(width, kernel_size, strides)
+        self.convolutions, features = convolutions(
+            channels, self.frame.side, kernels, kernel_size, strides, leak
+        )
         self.head = fully_connected(features + 1, hidden, layer_norm, leak)
         self.float()  # whatever torch's default is: maps are float32
 
     def forward(self, map: Tensor, time: Tensor) -> Tensor:
-        return self.head(torch.cat([self.convolutions(map), time], dim=1))
+        return self.head(torch.cat([self.convolutions(self.frame(map)), time], dim=1))
+
+
+class WholeFrame(nn.Module):
+    """Adds cells as they are outside the city, so that no layer leaves a row or column out.
+
+    They go to the south and east: (B, channels, width, width) becomes (B, channels, side, side),
+    with the smallest side that pooling and convolutions divide into whole windows.
+
+    Arguments:
+        pooling: cells on a side of the windows that are averaged before the convolutions.
+
+    Raises `InputError` for kernels that are larger than the map.
+    """
+
+    def __init__(self, width: int, kernel_size: int, strides: tuple[int, ...], pooling: int = 1):
+        super().__init__()
+        found = ceil(width / pooling)
+        if strides and kernel_size > found:
+            raise InputError(
+                f"a map of {found}×{found} cells is too small for a convolution of "
+                f"{kernel_size}×{kernel_size}: take smaller kernels"
+            )
+        window = 1  # cells on a side that one place after the last convolution sees
+        for stride in reversed(strides):
+            window = (window - 1) * stride + kernel_size
+        further = ceil((found - window) / prod(strides))  # places
+        self.side = pooling * (window + max(further, 0) * prod(strides))
+
+    def forward(self, map: Tensor) -> Tensor:
+        more = self.side - map.shape[-1]
+        if more == 0:
+            return map
+        outside = map.new_zeros(map.shape[1], 1, 1)
+        outside[NO_FLY_LAYER] = 1
+        return pad(map - outside, (0, more, 0, more)) + outside
 
 
 def convolutions(
-    map_shape: tuple[int, int, int],
+    channels: int,
+    side: int,
     kernels: int,
     kernel_size: int,
     strides: tuple[int, ...],
@@ -56,21 +104,14 @@ def convolutions(
 ) -> tuple[nn.Sequential, int]:
     """Convolutions with their ReLUs, flattened, and the number of features that come out.
 
-    Raises `InputError` if the map is too small for them.
+    `side` is that of the map, of which they leave nothing out; see `WholeFrame`.
     """
-    channels, rows, cols = map_shape
     layers: list[nn.Module] = []
     for stride in strides:
-        if min(rows, cols) < kernel_size:
-            raise InputError(
-                f"a map of {rows}×{cols} cells is too small for a convolution of "
-                f"{kernel_size}×{kernel_size}: take smaller kernels or strides"
-            )
         convolution = nn.Conv2d(channels, kernels, kernel_size, stride)
         layers += [with_initial_weights(convolution), nn.LeakyReLU(leak)]
-        channels = kernels
-        rows, cols = ((side - kernel_size) // stride + 1 for side in (rows, cols))
-    return nn.Sequential(*layers, nn.Flatten()), channels * rows * cols
+        channels, side = kernels, (side - kernel_size) // stride + 1
+    return nn.Sequential(*layers, nn.Flatten()), channels * side**2
 
 
 def fully_connected(

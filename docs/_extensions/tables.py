@@ -395,20 +395,19 @@ def ladder(scenario: str) -> str:
     return f"{_table(head, rows)}\n{_made_with('ladder')}"
 
 
-def outstanding(page: str = "") -> str:
+def outstanding() -> str:
     """The studies that the current version has not made, and the hours of one core that they need.
 
-    All of them, or those that a page such as `docs/results/any_city.md` shows. Raises `ValueError`
-    if there are none: then the page must not say that there are.
+    Raises `ValueError` if there are none: then no page must say that there are.
     """
     rows = [
-        [f"`{name}`", study["what"], study["outstanding"], f"{study['core_hours']:g}"]
+        [f"`{name}`", study["what"], f"{study['core_hours']:g}"]
         for name, study in tomllib.loads((RUNS / "list.toml").read_text())["studies"].items()
-        if "outstanding" in study and (not page or page in study["drawn"])
+        if "outstanding" in study
     ]
     if not rows:
-        raise ValueError(f"{page}: nothing is outstanding; take the table and its sentence away")
-    return _table(["study", "what it is", "why it is listed", "core-hours"], rows)
+        raise ValueError("nothing is outstanding; take the table and its sentence away")
+    return _table(["study", "what it is", "core-hours"], rows)
 
 
 def sb3() -> str:

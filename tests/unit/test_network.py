@@ -1,13 +1,15 @@
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 from torch import nn
 
+from uavdh_lite import registry
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.network import QNetwork
+from uavdh_lite.network import QNetwork, WholeFrame
 from uavdh_lite.recipe import PAPER
 
 
@@ -42,9 +44,43 @@ def test_every_layer_begins_with_glorots_weights_and_no_bias():
         assert not layer.bias.any()
 
 
-def test_too_small_a_map_is_an_error_that_says_so():
-    with pytest.raises(InputError, match="1×1 cells is too small"):
-        QNetwork((5, 9, 9), strides=(1, 1, 1))
+def test_kernels_larger_than_the_map_are_an_error_that_says_so():
+    with pytest.raises(InputError, match="9×9 cells is too small"):
+        QNetwork((5, 9, 9), kernel_size=10)
+
+
+KINDS = [
+    (name, kind)
+    for name in registry.names("recipe")
+    for kind in ("centred", "non_centred")
+    if kind == "centred" or not getattr(registry.find("recipe", name), "pooling", 0)
+]
+
+
+@pytest.mark.parametrize("size", [*range(4, 17), 32, 50])
+@pytest.mark.parametrize(("name", "observation"), KINDS)
+def test_every_cell_of_the_map_is_read(name, observation, size):
+    """The output depends on each cell of each layer: by the gradient of what goes in."""
+    recipe = registry.find("recipe", name)
+    recipe = replace(recipe, observation=observation, kernels=2, hidden=(8,), leak=0.1)
+    city = City.from_text("field", "\n".join(["L" + "." * (size - 1)] * size))
+    seen = recipe.observation_for(recipe.environment_for(city))
+    network = recipe.network_for(seen)
+    map = torch.rand(2, *seen.map_shape, requires_grad=True)
+    allowed = torch.ones(2, 6, dtype=bool)
+    network(map, torch.rand(2, 1), *[allowed][: getattr(recipe, "failsafe", 0)]).sum().backward()
+    assert map.grad.abs().sum(0).min() > 0
+
+
+def test_what_a_frame_adds_is_as_outside_the_city():
+    """To the south and east, as few cells as make whole windows of 3×3 with stride 2 after 4×4."""
+    frame, map = WholeFrame(9, 4, (3, 2)), torch.rand(2, 5, 9, 9)
+    framed = frame(map)
+    assert framed.shape == (2, 5, 13, 13)
+    torch.testing.assert_close(framed[:, :, :9, :9], map, atol=1e-6, rtol=0)
+    for added in (framed[:, :, 9:], framed[:, :, :, 9:]):
+        assert (added[:, 1] == 1).all() and not added[:, [0, 2, 3, 4]].any()
+    assert WholeFrame(31, 4, (3, 1))(other := torch.rand(1, 5, 31, 31)) is other
 
 
 def test_the_network_is_float32_whatever_torchs_default_is(trainer):

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
 from uavdh_lite.errors import InputError
-from uavdh_lite.network import convolutions, fully_connected
+from uavdh_lite.network import WholeFrame, convolutions, fully_connected
 
 
 class GlobalLocalNetwork(nn.Module):
@@ -21,8 +21,8 @@ class GlobalLocalNetwork(nn.Module):
         local_size: l, cells on a side of the map around the UAV; odd.
         The others are those of `QNetwork`.
 
-    Raises `InputError` if the middle is larger than the map, or has no centre, and if the coarse
-    map would have no cell.
+    Raises `InputError` if the middle is larger than the map, or has no centre, and if a window of
+    the coarse map would be larger than the map.
     """
 
     def __init__(
@@ -48,11 +48,16 @@ class GlobalLocalNetwork(nn.Module):
                 f"pooling is {pooling}: must be from 1 to {width}, the side of the map"
             )
         self.pooling, self.local_size = pooling, local_size
+        self.frames = nn.ModuleList(
+            [
+                WholeFrame(width, kernel_size, strides, pooling),
+                WholeFrame(local_size, kernel_size, strides),
+            ]
+        )
         self.convolutions = nn.ModuleList()
         features = 1  # the flying time
-        for side in (width // pooling, local_size):
-            shape = (channels, side, side)
-            layers, found = convolutions(shape, kernels, kernel_size, strides, leak)
+        for side in (self.frames[0].side // pooling, self.frames[1].side):
+            layers, found = convolutions(channels, side, kernels, kernel_size, strides, leak)
             self.convolutions.append(layers)
             features += found
         self.head = fully_connected(features, hidden, layer_norm, leak)
@@ -60,6 +65,7 @@ class GlobalLocalNetwork(nn.Module):
     def forward(self, map: Tensor, time: Tensor) -> Tensor:
         margin = (map.shape[-1] - self.local_size) // 2
         inside = slice(margin, margin + self.local_size)
-        maps = (avg_pool2d(map, self.pooling), map[:, :, inside, inside])
+        whole, middle = self.frames
+        maps = (avg_pool2d(whole(map), self.pooling), middle(map[:, :, inside, inside]))
         pairs = zip(self.convolutions, maps, strict=True)
         return self.head(torch.cat([*(layers(one) for layers, one in pairs), time], dim=1))

@@ -115,8 +115,8 @@ TOLD = replace(
   that grows, and no `exploring_starts`.
 - `told`: where data can be expected, and which way leads where.
 - `pooling` 3, two resolutions, with kernels of 3×3 and a first stride of 1: the network sees each
-  cell near the UAV, and the rest coarsely, save the last four of 31 rows and columns. A first
-  stride of 3 over the whole map blurs what the UAV has to fly around.
+  cell near the UAV, and the rest coarsely. A first stride of 3 over the whole map blurs what the
+  UAV has to fly around.
 - `data_scale` 5: the average over 3×3 cells makes a device's data nine times as small.
 """
 
