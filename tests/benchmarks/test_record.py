@@ -129,7 +129,9 @@ def test_what_is_recorded_is_of_today_or_said_to_be_outstanding():
     for study, entry in listed.items():
         assert "outstanding" in entry or record.state(study) == "", study
     index = (record.ROOT / "docs/results/index.md").read_text(encoding="utf-8")
-    assert ("{generated} outstanding\n" in index) == any("outstanding" in e for e in listed.values())
+    assert ("{generated} outstanding\n" in index) == any(
+        "outstanding" in e for e in listed.values()
+    )
     names = {path.name.split(".")[0].removesuffix("-training") for path in record.RUNS.glob("*.*z")}
     assert names <= listed.keys()
     agents = {path.stem for path in record.AGENTS.glob("*.safetensors")}

@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, replace
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from uavdh_lite.experiments.runs import restore_run, save_run
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.training import Trainer, trainer_of
 
-ROOT = Path(__file__).parents[2]
 CITY = City.from_text("five", "L . N . . \n . . b . . \n . B . . L \n . . . N . \n b . . . .")
 SMALLER = City.from_text("three", "L . . \n . b N \n . . .")
 SCENARIO = Scenario("any", "five", (1, 3), (2.0, 9.0), (8, 20))
@@ -31,32 +29,6 @@ IDEAS = {
     "imitation": {"own_starts": 0.3, "exploring_starts": 0.3, "labels": 64},
 }
 SETS = [*(pair for size in (0, 2) for pair in combinations(IDEAS, size)), tuple(IDEAS)]
-
-
-@pytest.mark.parametrize(
-    ("agent", "unread", "share"),
-    [
-        ("manhattan_ddqn", 2, "`manhattan` 28 %"),
-        ("open_field_ddqn", 2, "`open_field` 9 %"),
-        ("manhattan", 4, "`manhattan` 40 %"),
-        ("open_field", 4, "`open_field` 26 %"),
-        ("harbour", 3, "21 %"),
-        ("metropolis", 4, "24 %"),
-    ],
-)
-def test_the_strip_of_the_map_that_no_network_reads_is_as_the_page_says(agent, unread, share):
-    pilot = load_agent(agent)
-    map = torch.rand(1, *pilot.observation.map_shape, requires_grad=True)
-    getattr(pilot.network, "network", pilot.network)(map, torch.ones(1, 1)).sum().backward()
-    width, size = map.shape[-1], pilot.environment.size
-    assert map.grad[0].any(0).nonzero().amax(0).tolist() == [width - unread - 1] * 2
-    missions = pilot.scenario.sample(pilot.environment, 10_000, np.random.default_rng(0))
-    cells = np.stack(np.divmod(np.c_[missions.uav_cell, missions.device_cells], size))
-    there = ((cells[:, :, 1:] - cells[:, :, :1]).max(0) >= size - unread) & (missions.data_left > 0)
-    found = round(100 * there.any(1).mean())
-    page = (ROOT / "docs/project/differences_from_the_paper.md").read_text(encoding="utf-8")
-    assert abs(found - int(share.split()[-2])) <= 1
-    assert any(f"{unread} of {width}" in row and share in row for row in page.splitlines())
 
 
 def with_ideas(recipe, ideas):

@@ -142,6 +142,8 @@ class Observation {
   }
 }
 
+const NO_FLY_LAYER = 1; // of the map; outside the city it is 1, and every other layer 0
+
 /** Q-values of all actions: convolutions of one map or two, then fully connected layers. */
 class QNetwork {
   /** @param {Object<string, {shape: number[], values: Float32Array}>} tensors by name */
@@ -155,10 +157,12 @@ class QNetwork {
   /** @returns {Float32Array} (6,) */
   forward(map, width, time) {
     const { recipe } = this;
-    let maps = [{ values: map, width }];
+    const [whole, side] = wholeFrame(map, width, recipe, recipe.pooling || 1);
+    let maps = [{ values: whole, width: side }];
     if (recipe.pooling) {
       const local = Math.min(recipe.local_size, width);
-      maps = [averagePool(map, width, recipe.pooling), middle(map, width, local)];
+      const [values, full] = wholeFrame(middle(map, width, local).values, local, recipe, 1);
+      maps = [averagePool(whole, side, recipe.pooling), { values, width: full }];
     }
     let filled = 0;
     maps.forEach((one, branch) => {
@@ -183,6 +187,22 @@ class QNetwork {
   layer(name) {
     return [this.tensors[`${name}.weight`], this.tensors[`${name}.bias`].values];
   }
+}
+
+/** Cells as outside the city, to the south and east, so that no layer leaves any out; network.py. */
+function wholeFrame(map, width, { kernel_size, strides }, pooling) {
+  const window = strides.reduceRight((cells, stride) => (cells - 1) * stride + kernel_size, 1);
+  const step = strides.reduce((product, stride) => product * stride, 1);
+  const further = Math.ceil((Math.ceil(width / pooling) - window) / step);
+  const side = pooling * (window + Math.max(further, 0) * step);
+  if (side === width) return [map, side];
+  const framed = new Float32Array((map.length / width ** 2) * side ** 2);
+  framed.fill(1, NO_FLY_LAYER * side ** 2, (NO_FLY_LAYER + 1) * side ** 2);
+  for (let row = 0; row < map.length / width; row++) {
+    const to = Math.floor(row / width) * side ** 2 + (row % width) * side;
+    framed.set(map.subarray(row * width, (row + 1) * width), to);
+  }
+  return [framed, side];
 }
 
 /** A kernel over each place of a map, no padding; then the leaky ReLU. */
@@ -257,7 +277,7 @@ function leakyRelu(values, leak) {
   for (let k = 0; k < values.length; k++) if (values[k] < 0) values[k] *= leak;
 }
 
-/** The map averaged over cells of g×g; what is left over at the south and east is dropped. */
+/** The map averaged over cells of g×g. */
 function averagePool(map, width, pooling) {
   const [out, channels] = [Math.floor(width / pooling), map.length / width ** 2];
   const found = new Float32Array(channels * out ** 2);
