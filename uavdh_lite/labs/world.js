@@ -14,7 +14,15 @@ export function require(holds, otherwise) {
   if (!holds) throw new InputError(otherwise);
 }
 
-export const Use = { MISSION: 4, FADING: 5, EXPLORATION: 6, BOOTSTRAP: 8 };
+export const Use = {
+  TRAINING: 0,
+  VALIDATION: 1,
+  MISSION: 4,
+  FADING: 5,
+  EXPLORATION: 6,
+  BOOTSTRAP: 8,
+  WEIGHTS: 11,
+};
 
 /** The numbers of one use and seed, the same in every language: the k-th is a hash of k. */
 export class Portable {
@@ -293,9 +301,10 @@ export const ended = (state) => state.landed || state.timeLeft <= 0;
 
 export const REWARDS = { data: 1, movement: -0.2, safety: -1, crash: -150 };
 
-export function reward({ uploaded, landed, intervened, crashed }) {
+/** @param {object} rewards their constants */
+export function reward({ uploaded, landed, intervened, crashed }, rewards = REWARDS) {
   const penalties = [!landed && "movement", intervened && "safety", crashed && "crash"];
-  return REWARDS.data * sum(uploaded) + sum(penalties.map((name) => (name ? REWARDS[name] : 0)));
+  return rewards.data * sum(uploaded) + sum(penalties.map((name) => (name ? rewards[name] : 0)));
 }
 
 export const sum = (values) => values.reduce((total, value) => total + value, 0);

@@ -1,0 +1,392 @@
+// DDQN learns: what scenario, replay, ddqn and training do in Python, under their names, with dials
+// that act while it learns. tests/labs/test_training.py says what each dial does.
+
+import { frameSide, QNetwork } from "./network.js";
+import { ACTIONS, City, Environment, Portable, REWARDS, Use, ended, reward, sum } from "./world.js";
+
+const MOST = 40_000; // transitions that are kept at most; the dial chooses how many of the newest are drawn
+const MISSIONS = 50; // of each point of the curves; they are the same each time
+const [POINTS, LEAST] = [48, 500]; // points of a run's curves, unless fewer steps than this lie between two
+
+/**
+ * @typedef {object} Dials the recipe's fields, by their names in recipe.py, and what it has no field for
+ * @property {boolean} double the online network chooses the action whose value the target network gives
+ * @property {boolean} frozen the target network stays as it is
+ * @property {number} seed
+ *
+ * @typedef {object} Point of the curves: means over missions flown greedily
+ * @property {number} steps environment steps
+ * @property {number} landed
+ * @property {number} collected
+ * @property {number} home the share of the data that is brought home: 0 without a landing
+ * @property {number} return
+ * @property {number | null} loss the mean since the point before
+ */
+
+/** Dials whose change gives the network another shape, or other inputs: then it begins anew. */
+export const ANEW = ["observation", "data_scale", "time_scale", "layer_norm", "seed"];
+
+/** Linear from `start` at step 0 to `end` at step `over`, and `end` from then on; see recipe.py. */
+export function ramp(start, end, step, over) {
+  if (end === null) return start;
+  return start + (end - start) * (over > 0 ? Math.min(step / over, 1) : 1);
+}
+
+/** The place of the largest of the six Q-values in a row; 0 where they are no numbers any more. */
+export function best(values, row) {
+  let place = 0;
+  const begin = row * ACTIONS.length;
+  for (let action = 1; action < ACTIONS.length; action++)
+    if (values[begin + action] > values[begin + place]) place = action;
+  return place;
+}
+
+/** What the network sees of states, without anything told; see observation.py. */
+class Observation {
+  constructor(environment, { observation, data_scale, time_scale, kernel_size, strides }) {
+    const { size, city } = environment;
+    Object.assign(this, { size, data_scale, time_scale, centred: observation === "centred" });
+    this.channels = this.centred ? 5 : 6;
+    this.side = frameSide(2 * size - 1, kernel_size, strides);
+    this.length = this.side ** 2 * this.channels;
+    // The city's own layers, around each cell; in place they are the same for all
+    this.views = Array.from(city.kinds, (_, cell) =>
+      this.centred || !cell ? this.view(city, cell) : null,
+    );
+  }
+
+  /** The row and the column of the map's first cell, in the city. */
+  corner(cell) {
+    const { size } = this;
+    const axis = Math.floor((2 * size - 1 - size) / 2);
+    return this.centred
+      ? [Math.floor(cell / size) - size + 1, (cell % size) - size + 1]
+      : [-axis, -axis];
+  }
+
+  view(city, cell) {
+    const { size, side, channels } = this;
+    const view = new Float32Array(this.length);
+    const [top, left] = this.corner(cell);
+    for (let place = 0; place < side ** 2; place++) {
+      const [row, col] = [top + Math.floor(place / side), left + (place % side)];
+      const inside = Math.min(row, col) >= 0 && Math.max(row, col) < size;
+      const there = row * size + col;
+      const layers = inside
+        ? [city.landing[there], city.noFly[there], city.buildings[there]]
+        : [0, 1, 0];
+      view.set(layers, place * channels);
+    }
+    return view;
+  }
+
+  /** Writes a state into the row of a batch. */
+  write(state, { maps, times }, row) {
+    const { size, side, channels, length, data_scale } = this;
+    const { uavCell, deviceCells, dataInitial, dataLeft } = state;
+    const begin = row * length;
+    maps.set(this.views[this.centred ? uavCell : 0], begin);
+    const [top, left] = this.corner(uavCell);
+    const place = (cell) =>
+      begin + ((Math.floor(cell / size) - top) * side + (cell % size) - left) * channels;
+    for (let device = 0; device < deviceCells.length; device++) {
+      const there = place(deviceCells[device]);
+      maps[there + 3] += dataLeft[device] / data_scale;
+      maps[there + 4] += (dataInitial[device] - dataLeft[device]) / data_scale;
+    }
+    if (!this.centred) maps[place(uavCell) + 5] = 1;
+    times[row] = state.timeLeft / this.time_scale;
+  }
+
+  batch(rows) {
+    return { maps: new Float32Array(rows * this.length), times: new Float32Array(rows) };
+  }
+}
+
+/** A ring of the last steps of all environments; see replay.py. The newest `capacity` transitions are drawn. */
+class Replay {
+  constructor(environments) {
+    const steps = Math.ceil(MOST / environments) + 100; // some more than can be drawn: the last returns are not whole
+    Object.assign(this, { environments, steps, head: 0, filled: 0 });
+    this.states = Array(steps * environments);
+    this.action = new Int8Array(steps * environments);
+    this.reward = new Float32Array(steps * environments);
+    this.end = new Uint8Array(steps * environments); // 1: landed in this step, 2: crashed
+  }
+
+  /** How many transitions can be drawn. */
+  count({ replay_capacity, return_steps }) {
+    const whole = Math.max(this.filled - return_steps + 1, 0);
+    return (
+      Math.min(whole, Math.ceil(Math.min(replay_capacity, MOST) / this.environments)) *
+      this.environments
+    );
+  }
+
+  add(states, actions, rewards, ends) {
+    const begin = this.head * this.environments;
+    for (let k = 0; k < this.environments; k++) {
+      this.states[begin + k] = states[k];
+      this.action[begin + k] = actions[k];
+      this.reward[begin + k] = rewards[k];
+      this.end[begin + k] = ends[k];
+    }
+    this.head = (this.head + 1) % this.steps;
+    this.filled = Math.min(this.filled + 1, this.steps - 1);
+  }
+
+  /** Adds to the rewards of all crashes that are kept. */
+  reprice(more) {
+    for (let at = 0; at < this.end.length; at++) if (this.end[at] === 2) this.reward[at] += more;
+  }
+
+  /**
+   * Different transitions: the newest of each environment, then others uniformly.
+   * @param {object[]} now the states in which the environments are
+   */
+  sample(size, recipe, generator, now) {
+    const { environments, steps } = this;
+    const chosen = new Set(Array(environments).keys());
+    const older = this.count(recipe) - environments;
+    for (let top = older - (size - environments); top < older; top++) {
+      // Floyd's way to draw without replacement
+      const drawn = environments + generator.integers(0, top + 1);
+      chosen.add(chosen.has(drawn) ? environments + top : drawn);
+    }
+    return [...chosen].map((number) => {
+      const [age, column] = [Math.floor(number / environments), number % environments];
+      const back = age + recipe.return_steps;
+      const first = ((this.head - back + steps) % steps) * environments + column;
+      let [total, discount, at, taken] = [0, 1, first, 0];
+      while (taken < recipe.return_steps && discount > 0) {
+        total += discount * this.reward[at];
+        discount *= this.end[at] ? 0 : recipe.discount;
+        at = (at + environments) % this.end.length;
+        taken += 1;
+      }
+      const next = taken === back ? now[column] : this.states[at];
+      return {
+        state: this.states[first],
+        action: this.action[first],
+        reward: total,
+        discount,
+        next,
+      };
+    });
+  }
+}
+
+/** A run over one city. */
+export class Trainer {
+  /**
+   * @param {{city: {name: string, rows: string[]}, scenario: import("./world.js").Scenario, dials: Dials}} told
+   */
+  constructor({ city, scenario, dials }) {
+    this.environment = new Environment(City.fromText(city.name, city.rows.join("\n")));
+    Object.assign(this, {
+      scenario,
+      dials: { ...dials },
+      steps: 0,
+      updates: 0,
+      points: [],
+      losses: [],
+      turned: [],
+    });
+    const { seed, batch_size, environments } = dials;
+    this.generator = new Portable(Use.TRAINING, seed);
+    this.observation = new Observation(this.environment, dials);
+    const { channels, side } = this.observation;
+    const rows = Math.max(batch_size, MISSIONS, environments);
+    const network = () =>
+      new QNetwork(dials, channels, side, rows, new Portable(Use.WEIGHTS, seed));
+    [this.online, this.target] = [network(), network()];
+    [this.before, this.after] = [this.observation.batch(rows), this.observation.batch(rows)];
+    this.slopes = new Float32Array(rows * ACTIONS.length);
+    this.replay = new Replay(environments);
+    const { landing, openToDevices, kinds } = this.environment.city;
+    const cellsOf = (mask) => [...kinds.keys()].filter((cell) => mask[cell]);
+    [this.landing, this.open] = [cellsOf(landing), cellsOf(openToDevices)];
+    this.states = Array.from({ length: environments }, () => this.start(this.generator));
+    const missions = new Portable(Use.VALIDATION, 0);
+    this.missions = Array.from({ length: MISSIONS }, () => this.start(missions));
+    this.measure();
+  }
+
+  get finished() {
+    return this.steps >= this.dials.steps;
+  }
+
+  /** Turns dials. What they change is so from the next step on. */
+  turn(dials) {
+    const before = this.crashReward;
+    Object.assign(this.dials, dials);
+    this.replay.reprice(this.crashReward - before); // crashes that it remembers cost what they cost now
+    this.turned.push([this.steps, dials]);
+  }
+
+  get crashReward() {
+    const { crash_reward, crash_reward_end, crash_reward_growth, steps } = this.dials;
+    return ramp(crash_reward, crash_reward_end, this.steps, crash_reward_growth * steps);
+  }
+
+  get temperature() {
+    const { temperature, temperature_end, temperature_decay, steps } = this.dials;
+    return ramp(temperature, temperature_end, this.steps, temperature_decay * steps);
+  }
+
+  get learningRate() {
+    const { learning_rate, learning_rate_end, steps } = this.dials;
+    return ramp(learning_rate, learning_rate_end, this.steps, steps);
+  }
+
+  /** Transitions that must be there before it learns. */
+  get prefill() {
+    const { replay_prefill, replay_capacity } = this.dials;
+    return Math.min(replay_prefill, replay_capacity);
+  }
+
+  /** The start of an episode of the scenario. */
+  start(generator) {
+    const { devices, data, flying_time } = this.scenario;
+    const cells = new Set();
+    while (cells.size < devices[1]) cells.add(this.open[generator.integers(0, this.open.length)]);
+    const count = generator.integers(...devices, true);
+    const amounts = [...cells].map((_, k) => (k < count ? generator.uniform(...data) : 0));
+    const dataInitial = Float32Array.from(amounts);
+    return {
+      uavCell: this.landing[generator.integers(0, this.landing.length)],
+      timeLeft: generator.integers(...flying_time, true),
+      deviceCells: Int16Array.from(cells),
+      dataInitial,
+      dataLeft: dataInitial,
+      landed: false,
+    };
+  }
+
+  /** A step of every environment, and an update once the memory is prefilled; see training.py. */
+  step() {
+    const { dials, environment, generator, states } = this;
+    const actions = this.act();
+    const prices = { ...REWARDS, movement: dials.movement_reward, crash: this.crashReward };
+    const steps = states.map((state, k) =>
+      environment.transition(state, actions[k], environment.drawFading(state, generator)),
+    );
+    const rewards = steps.map(({ outcome }) => reward(outcome, prices));
+    this.replay.add(
+      states,
+      actions,
+      rewards,
+      steps.map(({ outcome: { landed, crashed } }) => Number(landed) + 2 * Number(crashed)),
+    );
+    this.states = steps.map(({ state }) => (ended(state) ? this.start(generator) : state));
+    const count = this.replay.count(dials);
+    if (count >= Math.max(this.prefill, dials.batch_size)) this.update();
+    this.steps += dials.environments;
+    const interval = Math.max(Math.floor(dials.steps / POINTS), LEAST);
+    const due =
+      Math.floor(this.steps / interval) > Math.floor((this.steps - dials.environments) / interval);
+    return due || this.finished ? this.measure() : null;
+  }
+
+  /** Actions of the softmax policy (eq. 10), random ones until the memory is prefilled. */
+  act() {
+    const { dials, generator, states, temperature } = this;
+    if (this.replay.count(dials) < this.prefill)
+      return states.map(() => generator.integers(0, ACTIONS.length));
+    const values = this.valuesOf(this.online, states, this.before);
+    return states.map((_, row) => {
+      const [begin, likely] = [row * ACTIONS.length, best(values, row)];
+      const weights = ACTIONS.map((_, action) =>
+        Math.exp((values[begin + action] - values[begin + likely]) / temperature),
+      );
+      let left = generator.random() * sum(weights);
+      const action = weights.findIndex((weight) => (left -= weight) < 0);
+      return action < 0 ? likely : action; // rounded, the weights may add up to less
+    });
+  }
+
+  /** Q-values of states, (n, 6). */
+  valuesOf(network, states, batch) {
+    states.forEach((state, row) => this.observation.write(state, batch, row));
+    return network.forward(batch.maps, batch.times, states.length);
+  }
+
+  /** One gradient step towards the targets (eq. 7 and 8), and one of the target network; see ddqn.py. */
+  update(
+    batch = this.replay.sample(this.dials.batch_size, this.dials, this.generator, this.states),
+  ) {
+    const { dials, online, target, slopes } = this;
+    const goals = this.targets(batch);
+    const values = this.valuesOf(
+      online,
+      batch.map(({ state }) => state),
+      this.before,
+    );
+    slopes.fill(0);
+    let loss = 0;
+    batch.forEach(({ action }, row) => {
+      const at = row * ACTIONS.length + action;
+      const error = values[at] - goals[row];
+      loss += error ** 2 / batch.length;
+      slopes[at] = (2 * error) / batch.length;
+    });
+    online.backward(slopes, batch.length);
+    online.descend(this.learningRate, dials.amsgrad);
+    if (!dials.frozen) target.follow(online, dials.target_update_rate);
+    this.losses.push(loss);
+    this.updates += 1;
+  }
+
+  /** y = r + γ · Q_target(s', a), where a is best by the online network, or, not doubled, by the target (eq. 8). */
+  targets(batch) {
+    const next = batch.map((each) => each.next);
+    const online = this.dials.double ? this.valuesOf(this.online, next, this.after) : null;
+    const values = this.valuesOf(this.target, next, this.after);
+    const choice = online ?? values;
+    return batch.map(({ reward, discount }, row) => {
+      return reward + discount * values[row * ACTIONS.length + best(choice, row)];
+    });
+  }
+
+  /** The next point of the curves. @returns {Point} */
+  measure() {
+    const flights = this.fly(this.missions);
+    const mean = (values) => sum(values) / values.length;
+    const shares = flights.map(({ state }) => 1 - sum(state.dataLeft) / sum(state.dataInitial));
+    const landed = flights.map(({ state }) => Number(state.landed));
+    const point = {
+      steps: this.steps,
+      landed: mean(landed),
+      collected: mean(shares),
+      home: mean(shares.map((share, k) => share * landed[k])),
+      return: mean(flights.map((flight) => flight.return)),
+      loss: this.losses.length ? mean(this.losses) : null,
+    };
+    this.losses = [];
+    this.points.push(point);
+    return point;
+  }
+
+  /** How the agent of now flies by its greedy policy (eq. 9): the last states, and the returns as reported. */
+  fly(starts) {
+    const generator = new Portable(Use.FADING, 0);
+    const flights = starts.map((state) => ({ state, return: 0 }));
+    for (let left = flights; left.length; left = left.filter(({ state }) => !ended(state))) {
+      const values = this.valuesOf(
+        this.online,
+        left.map(({ state }) => state),
+        this.before,
+      );
+      left.forEach((flight, row) => {
+        const fading = this.environment.drawFading(flight.state, generator);
+        const { state, outcome } = this.environment.transition(
+          flight.state,
+          best(values, row),
+          fading,
+        );
+        Object.assign(flight, { state, return: flight.return + reward(outcome) });
+      });
+    }
+    return flights;
+  }
+}
