@@ -335,7 +335,8 @@ def test_city_writes_what_it_made_of_footprints(tmp_path, capsys):
     out, campus = tmp_path / "campus.png", data_folder() / "places" / "campus.geojson"
     assert main(["city", str(campus), "--centre", "50,8", "--cells", "12", "--out", str(out)]) == 0
     printed, made = capsys.readouterr().out, City.load(out)
-    assert made.text in printed and made.size == 12 and "1 assumed" in printed
+    assert made.text in printed and made.size == 12 and "  7  used as buildings" in printed
+    assert (tmp_path / "campus-outlines.svg").read_text().startswith("<?xml")
     cut = ["--altitude", "40", "--out", str(out)]  # only the building of unknown height is higher
     for assumed, tall in (([], True), (["--assumed", "39"], False)):
         assert main(["city", str(campus), "--centre", "50,8", *cut, *assumed]) == 0

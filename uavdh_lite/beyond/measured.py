@@ -7,6 +7,7 @@ It may measure, though: `heard` collects what earlier flights heard, `expected` 
 it, and `believing` tells it.
 """
 
+import hashlib
 import json
 import zipfile
 import zlib
@@ -56,7 +57,7 @@ class MeasuredEnvironment(SafeEnvironment):
                 f"{self.size} × {self.size} cells: must be {cells} × {cells}, and for one city"
             )
         if np.isnan(self.mean_snr_db).any():
-            raise InputError("a table with NaN: −∞ is for what nobody hears; finish the trace")
+            raise InputError("a table with NaN: −∞ is for what nobody hears")
 
     def snr_db(self, state: State, next_cell: np.ndarray, fading: np.ndarray) -> np.ndarray:
         first_half = 2 * np.arange(1, self.channel.slots + 1) < self.channel.slots
@@ -88,8 +89,13 @@ def links(environment: Environment) -> np.ndarray:
 
 
 def levelled(environment: Environment, gain_db: np.ndarray) -> np.ndarray:
-    """SNRs from gains, dB; (n, n). One offset for all gives the links in sight the model's mean."""
+    """SNRs from gains, dB; (n, n). One offset for all gives the links in sight the model's mean.
+
+    Raises `InputError` if no link in sight has a finite gain.
+    """
     known = links(environment) & environment.sight[0] & np.isfinite(gain_db)
+    if not known.any():
+        raise InputError("no finite gain between two cells in sight: nothing to level it by")
     return gain_db + (modelled_snr_db(environment) - gain_db)[known].mean()
 
 
@@ -102,7 +108,8 @@ def load_place(name: str | Path) -> MeasuredEnvironment:
     """A shipped place by its name, or a city's PNG with its table of gains beside it, `.npz`.
 
     Raises `CityError` or `InputError` that names the file if one of the two cannot be used, or if
-    the table was made for other cells or another altitude than the channel's.
+    the table says that it was made over other buildings, or for other cells or another altitude
+    than the channel's. No-fly zones and landing zones may differ.
     """
     path = data_folder() / "places" / f"{name}.png" if name in shipped_places() else Path(name)
     table, channel = path.with_suffix(".npz"), Channel()
@@ -113,7 +120,21 @@ def load_place(name: str | Path) -> MeasuredEnvironment:
         found, right = about.get(key), getattr(channel, key)
         if found not in (None, right):
             raise InputError(f"{table}: {key} is {found}; the agents' radio has {right:g} only")
-    return MeasuredEnvironment(city, mean_snr_db=levelled(SafeEnvironment(city), gain_db))
+    over = about.get("buildings", about.get("city"))  # before 0.4: of the whole city
+    if over not in (None, buildings_fingerprint(city), city.fingerprint):
+        raise InputError(
+            f"{table}: its gains were made over other buildings than those of {path.name}: trace "
+            "them again, or take the table that belongs to it"
+        )
+    try:
+        return MeasuredEnvironment(city, mean_snr_db=levelled(SafeEnvironment(city), gain_db))
+    except InputError as error:
+        raise InputError(f"{table}: {error}") from None
+
+
+def buildings_fingerprint(city: City) -> str:
+    """SHA-256 of where buildings stand, by which a table of gains knows the city it is of."""
+    return hashlib.sha256(bytes([city.size]) + city.buildings.tobytes()).hexdigest()
 
 
 class Heard(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from tqdm.auto import tqdm
 
-from uavdh_lite.beyond.measured import load_gains, save_gains
+from uavdh_lite.beyond.measured import buildings_fingerprint, load_gains, save_gains
 from uavdh_lite.bridges.footprints import city_of_shares
 from uavdh_lite.city import MAX_SIZE, City
 from uavdh_lite.config import option, require
@@ -86,7 +86,7 @@ class Tracer:
 
         Raises `InputError` if the file holds another trace.
         """
-        about = {**asdict(self.place), "city": city.fingerprint}
+        about = {**asdict(self.place), "buildings": buildings_fingerprint(city)}
         about = json.loads(json.dumps(about))  # as in the file: tuples become lists
         gain_db = np.full((city.size**2,) * 2, -np.inf, np.float32)
         gain_db[city.open_to_devices.ravel()] = np.nan

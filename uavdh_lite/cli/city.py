@@ -5,11 +5,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 from cyclopts.types import PositiveFloat, PositiveInt
+from matplotlib.figure import Figure
 
 from uavdh_lite.bridges.footprints import Raster, city_of_footprints
 from uavdh_lite.city import City
-from uavdh_lite.cli.options import named, output
+from uavdh_lite.cli.options import named, output, unread
 from uavdh_lite.errors import InputError
+from uavdh_lite.plotting import save_figure
 
 Pair = Annotated[str, Parameter(allow_leading_hyphen=True)]  # two numbers; the first may be < 0
 
@@ -29,6 +31,8 @@ def city(
     out: Annotated[Path | None, named(".png")] = None,
 ) -> None:
     """Make a city from the footprints of buildings.
+
+    Says what became of each feature, and draws the outlines over the cells, in NAME-outlines.svg.
 
     Arguments:
         footprints: GeoJSON, as Overpass Turbo or QGIS write it from OpenStreetMap.
@@ -54,9 +58,13 @@ def city(
         None if landing is None else _pair("landing", landing),
         landing_cells,
     )
-    made, sources = city_of_footprints(footprints, raster)
-    _save(made, out)
-    print("heights of its buildings:", ", ".join(f"{n} {name}" for name, n in sources.items()))
+    found, figure = city_of_footprints(footprints, raster), Figure(figsize=(7, 7.2))
+    found.draw(figure.subplots())
+    outlines = unread(out.with_name(f"{out.stem}-outlines.svg"), footprints)
+    _save(found.city, out)
+    save_figure(figure, outlines)
+    print(f"{outlines}: the outlines of its buildings over its cells")
+    print(f"What became of the features of {footprints}:\n{found.table}")
 
 
 def trace(
