@@ -415,7 +415,7 @@ def checked_actions(action: np.ndarray, count: int) -> np.ndarray:
     if action.shape != (count,):
         raise InputError(f"actions of shape {action.shape}: must be ({count},), one an episode")
     whole = action.dtype.kind in "iu"
-    right = whole & (action >= 0) & (action < len(ACTIONS))
+    right = (action >= 0) & (action < len(ACTIONS)) if whole else np.zeros(count, bool)
     if not right.all():
         first = right.argmin()
         raise InputError(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from uavdh_lite.beyond.cities import FREE, NO_FLY
 from uavdh_lite.beyond.failsafe import SafeEnvironment
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.beyond.measured import (
@@ -282,9 +283,32 @@ def test_a_place_needs_its_own_finished_table(model, tmp_path):
         save_gains(tmp_path / "town.npz", complete, {key: 20.0})
         with pytest.raises(InputError, match=rf"town\.npz: {key} is 20\.0; .* 10 only"):
             load_place(path)
+    deaf = np.where(model.sight[0], -np.inf, -80.0)
+    save_gains(tmp_path / "town.npz", deaf, {})
+    with pytest.raises(InputError, match=r"town\.npz: no finite gain between two cells in sight"):
+        load_place(path)
     for about in ({}, {"cell_size_m": 10.0, "altitude_m": 10}):
         save_gains(tmp_path / "town.npz", complete, about)
         assert np.ptp(load_place(path).mean_snr_db) == 0
+
+
+def test_a_table_of_another_city_is_refused_and_zones_may_be_painted(tmp_path):
+    """By the buildings, whatever the files are called; old tables name the whole city."""
+    places, path = data_folder() / "places", tmp_path / "town.png"
+    munich = City.load(places / "munich.png")
+    kinds = munich.kinds.copy()
+    kinds[tuple(np.argwhere(kinds == FREE)[:20].T)] = NO_FLY
+    painted = City.from_kinds("painted", kinds)
+    gain_db, about = load_gains(places / "munich.npz")
+    for city, known in ((munich, about), (painted, about), (munich, {"city": munich.fingerprint})):
+        city.save(path)
+        save_gains(tmp_path / "town.npz", gain_db, known)
+        assert np.isfinite(load_place(path).mean_snr_db).any()
+    City.load(places / "paris.png").save(path)
+    for known in (about, {"city": munich.fingerprint}):
+        save_gains(tmp_path / "town.npz", gain_db, known)
+        with pytest.raises(InputError, match=r"town\.npz: .* other buildings than those of town"):
+            load_place(path)
 
 
 def test_distances_are_those_of_the_uav_above_its_cell(model):

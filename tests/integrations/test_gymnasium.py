@@ -1,5 +1,7 @@
 """The Gymnasium environments: the checkers pass, and both are the library's simulator."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 
@@ -90,10 +92,98 @@ def test_a_picture_is_the_only_way_to_render():
         DataHarvesting("village", render_mode="human")
 
 
-def test_a_start_of_several_episodes_is_refused():
-    start = SCENARIO.sample(Environment(VILLAGE), 9, np.random.default_rng(0))
-    with pytest.raises(InputError, match="start of 9 episodes"):
-        single().reset(options={"start": start})
+START = in_the_corner(10)["start"]
+NO_FLY_CELL = np.flatnonzero(VILLAGE.no_fly)[:1]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"data_initial": START.data_initial * np.nan}, "a number from 0"),
+        ({"data_left": START.data_initial + 1}, "a number from 0"),
+        ({"data_left": START.data_initial - 100}, "a number from 0"),
+        ({"data_left": 0 * START.data_left, "data_initial": 0 * START.data_left}, "has no data"),
+        ({"time_left": np.array([-3])}, "is over"),
+        ({"landed": np.array([True])}, "is over"),
+        ({"uav_cell": NO_FLY_CELL}, "over a no-fly cell"),
+        ({"uav_cell": np.array([64])}, "in no cell"),
+        ({"device_cells": START.device_cells - 100}, "in no cell"),
+        ({"device_cells": 0 * START.device_cells}, "device on a building or in the landing"),
+        ({"city": np.array([1])}, "in no cell"),
+        ({"time_left": np.array([36])}, r"village ends at 35 and 15"),
+        ({"data_initial": 0 * START.data_initial + 16}, r"village ends at 35 and 15"),
+    ],
+)
+def test_a_start_that_cannot_be_flown_or_seen_is_refused(wrong, named):
+    with pytest.raises(InputError, match=f"^start .*{named}"):
+        single().reset(options={"start": replace(START, **wrong)})
+
+
+def test_the_most_that_a_start_can_have_is_seen_and_its_type_and_length_are_named():
+    most = replace(START, time_left=np.array([35]), data_initial=0 * START.data_initial + 15)
+    assert single().observation_space.contains(single().reset(options={"start": most})[0])
+    for start in ({"uav_cell": 0}, START[[0, 0]]):
+        with pytest.raises(InputError, match=r"start is .*: expected a State of 1 ep"):
+            single().reset(options={"start": start})
+
+
+@pytest.mark.parametrize("action", ["north", 2.0, None, 6])
+def test_what_is_no_action_is_named(action):
+    one, two = single().unwrapped, batch(2)
+    one.reset(), two.reset()
+    for call in (lambda: one.step(action), lambda: two.step([HOVER, action])):
+        with pytest.raises(InputError, match=r"of episode [01]: must be a whole number, 0 to 5"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("mask", "error"),
+    [
+        (np.array([0, 0, 1]), TypeError),
+        ([True, False, False], TypeError),
+        (np.zeros(3, bool), ValueError),
+        (np.ones(2, bool), ValueError),
+    ],
+)
+def test_a_wrong_mask_is_the_error_that_gymnasiums_own_batches_raise(mask, error):
+    ours, theirs = batch(3), SyncVectorEnv([single] * 3)
+    for env in (ours, theirs):
+        env.reset()
+        with pytest.raises(error, match="reset_mask"):
+            env.reset(options={"reset_mask": mask})
+
+
+SCRIPT = """
+import multiprocessing
+from functools import partial
+
+if __name__ == "__main__":
+    multiprocessing.set_start_method("spawn")
+    import gymnasium
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    ID = "uavdh_lite.bridges.gymnasium:uavdh_lite/DataHarvesting-v0"
+    start = {"start_method": "spawn"}
+    options = {"env_kwargs": {"scenario": "village"}, "vec_env_kwargs": start}
+    envs = make_vec_env(ID, 2, vec_env_cls=SubprocVecEnv, **options)
+    print(envs.reset()["map"].shape)
+    envs.close()
+    envs = gymnasium.make_vec(ID, 2, vectorization_mode="async", scenario="village")
+    print(envs.reset(seed=0)[0]["map"].shape)
+    envs.close()
+"""
+
+
+@pytest.mark.long
+def test_processes_that_inherit_nothing_find_the_environment_by_its_module(tmp_path):
+    """As in a Jupyter kernel: what the parent imported has registered nothing in them."""
+    pytest.importorskip("stable_baselines3")
+    (tmp_path / "script.py").write_text(SCRIPT)
+    ran = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=100
+    )
+    assert ran.stdout.split("\n")[:2] == ["(2, 5, 15, 15)"] * 2, ran.stderr
 
 
 @pytest.mark.parametrize("kind", [Environment, SafeEnvironment])
@@ -139,17 +229,6 @@ def test_infos_are_numbers_of_python():
             "collected_and_landed": float,
             "time_left": int,
         }
-
-
-@pytest.mark.parametrize("field", ["time_left", "data_initial"])
-def test_a_start_outside_of_the_observation_space_is_refused(field):
-    start = in_the_corner(10)["start"]
-    most = replace(start, time_left=np.array([35]), data_initial=0 * start.data_initial + 15)
-    seen, _ = single().reset(options={"start": most})
-    assert single().observation_space.contains(seen)
-    more = replace(most, **{field: getattr(most, field) + 1})
-    with pytest.raises(InputError, match=r"village ends at 35 and 15"):
-        single().reset(options={"start": more})
 
 
 def batch(count, **options):
@@ -240,7 +319,7 @@ def test_what_a_batch_cannot_do_is_refused():
     env.step(np.array([LAND, HOVER]))
     with pytest.raises(InputError, match=r"episode 0 is over.*reset_mask"):
         env.step(np.array([HOVER, HOVER]))
-    with pytest.raises(InputError, match=r"start of 1 episodes: expected a State of 2"):
+    with pytest.raises(InputError, match=r"expected a State of 2 episodes"):
         env.reset(options=in_the_corner(9))
     for options in ({"render_mode": "rgb_array"}, {"count": 0}):
         with pytest.raises(InputError, match=r"num_envs.*render_mode.*sync"):

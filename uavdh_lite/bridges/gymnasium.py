@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from uavdh_lite.city import load_cities
+from uavdh_lite.config import shown
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights, FunctionPolicy, Policy, Step
@@ -108,8 +109,8 @@ class DataHarvesting(gymnasium.Env):
         start = (options or {}).get("start")
         if start is None:
             return self.scenario.sample(self.environment, count, generator)
-        if len(start) != count:
-            raise InputError(f"start of {len(start)} episodes: expected a State of {count}")
+        if not isinstance(start, State) or len(start) != count:
+            raise InputError(f"start is {shown(start)}: expected a State of {count} episodes")
         most_data, most_time = self.scenario.data[1], self.scenario.flying_time[1]
         if start.time_left.max() > most_time or start.data_initial.max() > most_data:
             raise InputError(
@@ -117,6 +118,20 @@ class DataHarvesting(gymnasium.Env):
                 f"{start.data_initial.max():g} of data: the observation space of scenario "
                 f"{self.scenario.name} ends at {most_time} and {most_data:g}"
             )
+        left, data = start.data_left, start.data_initial
+        if start.ended.any() or not ((left >= 0) & (left <= data)).all() or not data.any(1).all():
+            raise InputError(
+                "start in which an episode is over, has no data, or has data left that is not a "
+                "number from 0 to what there was"
+            )
+        environment, city = self.environment, start.city[:, None]
+        cells = np.c_[start.uav_cell, start.device_cells]
+        known = (cells >= 0) & (cells < environment.size**2)
+        known &= (city >= 0) & (city < len(environment.cities))
+        if not known.all() or environment.no_fly[city, cells][:, 0].any():
+            raise InputError("start with the UAV over a no-fly cell, or in no cell of its city")
+        if (~environment.open_to_devices[city, cells[:, 1:]] & (data > 0)).any():
+            raise InputError("start with a device on a building or in the landing zone")
         return start
 
     def step(self, action: int) -> tuple[dict, float, bool, bool, dict]:
@@ -194,6 +209,12 @@ class VectorDataHarvesting(VectorEnv):
         if seed is not None:
             _seed(self, seed)
         rows = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
+        if not isinstance(rows, np.ndarray) or rows.dtype != bool:  # numbers would be indices
+            raise TypeError(f"reset_mask is {shown(rows)}: must be a numpy array of Booleans")
+        if rows.shape != (self.num_envs,) or not rows.any():
+            raise InputError(
+                f"reset_mask is {shown(rows)}: must be ({self.num_envs},), not all False"
+            )
         start = self.one.starts(int(rows.sum()), self.np_random, options)
         self.state = start if rows.all() else _begun(self).with_rows(rows, start)
         return self.observe(self.state), _masked(_info(self.state), rows)
