@@ -2,11 +2,11 @@
 
     python benchmarks/record.py                        # what is missing, or not of today's program
     python benchmarks/record.py --make STUDY --jobs 2  # make it, or go on with it, and record it
-    python benchmarks/record.py --gather STUDY FOLDER  # record the runs in that folder
-    python benchmarks/record.py --gather STUDY FOLDER --commit 08f434d  # made by that program
+    python benchmarks/record.py --gather STUDY FOLDER --commit 08f434d  # record that program's runs
 
 `data/runs/list.toml` names the studies. A study's runs lie in `FOLDER/NAME-SEED`, as the commands
 `train` and `study` and `benchmarks/fleet.py` write them; the list has the name for each variant.
+Which program makes them `--make` notes in `FOLDER/golden`; of others it must be told.
 Recorded are the two tables of all runs, `STUDY.csv.gz` of the validations and
 `STUDY-training.csv.gz` of the learning curves, `STUDY.json`, which says how they were made, and the
 agents of all seeds, `data/agents/STUDY-VARIANT-SEED.safetensors`, with weights in float16. That of
@@ -23,6 +23,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from glob import escape
 from hashlib import sha256
 from pathlib import Path
 
@@ -87,9 +88,16 @@ def state(study: str) -> str:
 def make(study: str, jobs: int = 1, cluster: str = "") -> None:
     """Run a study's command, which goes on where it was stopped, and record what it made.
 
-    Raises `InputError` for a study whose command is only described.
+    Raises `InputError` for a study whose command is only described, and for one that another
+    program has begun.
     """
-    entry = studies()[study]
+    entry, begun = studies()[study], ROOT / "runs" / study / "golden"
+    if "runs" in entry:
+        begun.parent.mkdir(parents=True, exist_ok=True)
+        if not begun.exists():
+            begun.write_text(digest())
+        if begun.read_text() != digest():
+            raise InputError(f"{begun.parent}: begun by another program: move it away")
     for line in entry["command"].split(" && "):
         command = shlex.split(line)
         if command[0] != "python" or {"AGENT", "SEED"} & set(command):
@@ -106,31 +114,51 @@ def make(study: str, jobs: int = 1, cluster: str = "") -> None:
         write_json(about, read_json(about) | {"golden": digest()})
 
 
+def finished(run: Path, name: str) -> dict:
+    """What a run says of itself; `InputError` unless it is `NAME-SEED` with all of its steps."""
+    how = read_json(run / "about.json")
+    if run.name != f"{name}-{how['seed']}":
+        raise InputError(f"{run}: is seed {how['seed']}: its folder must be {name}-{how['seed']}")
+    if how["steps"] < (steps := how["recipe"]["steps"]):
+        raise InputError(f"{run}: has {how['steps']} of {steps} steps: let it go on to the end")
+    return how
+
+
 def gather(study: str, folder: Path, commit: str = "") -> None:
-    """Record a study from its runs: every `NAME-SEED` in the folder, for each of its variants."""
-    entry = studies()[study]
+    """Record a study from its runs: every `NAME-SEED` in the folder, for each of its variants.
+
+    Raises `InputError` that names a folder which is none of these or not finished, and if it is not
+    known which program made them: neither is there a commit nor the folder's file `golden`.
+    """
+    entry, made_by = studies()[study], folder / "golden"
+    if not commit and not made_by.exists():
+        raise InputError(f"{folder}: which program made these runs? name it with --commit")
+    golden = digest(commit) if commit else made_by.read_text()
     tables: dict[str, list[dict]] = {"validation": [], "training": []}
     about: dict[str, dict] = {}
     recipes: dict[str, dict] = {}
-    for variant, name in entry["runs"].items():
-        for run in sorted(folder.glob(f"{name}-[0-9]*")):
-            how = read_json(run / "about.json")
-            about[f"{variant}-{how['seed']}"] = how
-            recipes[variant] = how["recipe"]
-            for table, rows in tables.items():
-                columns = read_table(run / f"{table}.csv")
-                for i in range(len(columns["steps"])):
-                    row = {"variant": variant, "seed": how["seed"]}
-                    rows.append(row | {key: _number(v[i]) for key, v in columns.items()})
-            kept = []
-            if entry.get("agents", True):
-                kept.append(AGENTS / f"{study}-{variant}-{how['seed']}.safetensors")
-            if "ships" in entry and how["seed"] == 0:
-                kept.append(SHIPPED / f"{entry['ships']}.safetensors")
-            if kept:
-                rounded(run / "best.safetensors", kept[0])
-            for other in kept[1:]:  # the same bytes
-                shutil.copyfile(kept[0], other)
+    runs = [
+        (variant, run, finished(run, name))
+        for variant, name in entry["runs"].items()
+        for run in sorted(folder.glob(f"{escape(name)}-[0-9]*"))
+    ]
+    for variant, run, how in runs:
+        about[f"{variant}-{how['seed']}"] = how
+        recipes[variant] = how["recipe"]
+        for table, rows in tables.items():
+            columns = read_table(run / f"{table}.csv")
+            for i in range(len(columns["steps"])):
+                row = {"variant": variant, "seed": how["seed"]}
+                rows.append(row | {key: _number(v[i]) for key, v in columns.items()})
+        kept = []
+        if entry.get("agents", True):
+            kept.append(AGENTS / f"{study}-{variant}-{how['seed']}.safetensors")
+        if "ships" in entry and how["seed"] == 0:
+            kept.append(SHIPPED / f"{entry['ships']}.safetensors")
+        if kept:
+            rounded(run / "best.safetensors", kept[0])
+        for other in kept[1:]:  # the same bytes
+            shutil.copyfile(kept[0], other)
     if not about:
         raise InputError(f"{folder}: no runs {' or '.join(entry['runs'].values())}-SEED in it")
     first, usual = next(iter(about.values())), next(iter(recipes.values()))
@@ -147,7 +175,7 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
     write_json(
         RUNS / f"{study}.json",
         {name: entry[name] for name in ("what", "begun") if name in entry}
-        | {"command": command, "golden": digest(commit)}
+        | {"command": command, "golden": golden}
         | {name: first[name] for name in OF_STUDY if name in first}
         | {"scenario": first["scenario"], "cities": first["cities"]}
         | {"runs": {name: {k: how[k] for k in OF_RUN} for name, how in about.items()}}

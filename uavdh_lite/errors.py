@@ -24,6 +24,12 @@ class TrainingDiverged(ArithmeticError):
     """The loss or a weight of a training run is no longer finite."""
 
 
+def one_line(text: object) -> str:
+    """A text in one line, with nothing that a terminal would obey: `\\x1b` in place of ESC."""
+    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+    return "".join(escaped)
+
+
 @contextmanager
 def extra(name: str) -> Iterator[None]:
     """Wraps imports that need the optional packages `uavdh-lite[name]` of `pyproject.toml`.

@@ -240,7 +240,11 @@ def mean_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Inter
 
     What is 0 or 1 says yes or no, such as `landed`. Of rare events the bootstrap would be too sure.
     Over several `groups`, such as cities, the interval is always that of `bootstrap_interval`.
+
+    Raises `InputError` if there are no values.
     """
+    if not len(values):
+        raise InputError("no values: they have no mean")
     wilson = _alone(groups) and np.isin(values, (0, 1)).all()
     return wilson_interval(values) if wilson else bootstrap_interval(values, groups)
 

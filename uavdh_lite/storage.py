@@ -34,13 +34,14 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
 
     A reader of `path` sees the old file or the new one, never a part. If anything fails (a full
     disk, a folder that cannot be written), the old file stays as it was, the temporary file is
-    removed, and the caller gets the error.
+    removed, and the caller gets the error. A link stays one: the file that it leads to is written.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    named, path = path, Path(os.path.realpath(path))
     # The same folder, so that the rename stays within one file system; the same suffix, because
     # Pillow and matplotlib choose the format by it; not the name, which may leave no room for more.
-    temporary = path.parent / f".{secrets.token_hex(8)}.unfinished{path.suffix}"
+    temporary = path.parent / f".{secrets.token_hex(8)}.unfinished{named.suffix}"
     try:
         temporary.open("xb").close()  # like any new file: the umask says who may read it
         write(temporary)
@@ -50,7 +51,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):  # a full disk names no file, a closed folder the temporary
-            error.filename = str(path)
+            error.filename = str(named)
         raise
 
 
@@ -89,8 +90,10 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig")), strict=True))
     except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a table ({error})") from None
-    if not rows or any(len(row) != len(rows[0]) for row in rows):
-        raise InputError(f"{path}: not a table: its rows differ in length")
+    first = rows[0] if rows else []
+    if not first or len(set(first)) < len(first) or {*map(len, rows)} != {len(first)}:
+        said = "it needs a first row of names, all different, and rows of that length"
+        raise InputError(f"{path}: not a table: {said}")
     names, *values = rows
     columns = zip(*values, strict=True) if values else [()] * len(names)
     return {name: _column(column) for name, column in zip(names, columns, strict=True)}

@@ -56,7 +56,7 @@ def folder(trained, tmp_path, monkeypatch) -> Path:
 
 def test_runs_become_tables_with_what_changes_and_rounded_agents(folder):
     assert record.state("tiny") == "not recorded"
-    record.gather("tiny", folder)
+    record.gather("tiny", folder, "HEAD")
     about = read_json(folder / "runs/tiny.json")
     assert about["runs"]["first-3"]["steps"] == 5_200 and about["runs"].keys() == {
         "first-3",
@@ -77,31 +77,46 @@ def test_runs_become_tables_with_what_changes_and_rounded_agents(folder):
         assert torch.equal(weight, whole[name].half().float())
 
 
+def test_only_finished_runs_of_a_known_program_are_recorded_under_their_own_names(folder):
+    def refused(message, *program):
+        with pytest.raises(InputError, match=message):
+            record.gather("tiny", folder, *program)
+        assert not (folder / "agents").exists()
+
+    refused("which program made these runs")
+    shutil.copytree(folder / "other-3", folder / "other-3.bak")
+    refused(r"other-3\.bak: is seed 3", "HEAD")
+    shutil.rmtree(folder / "other-3.bak")
+    about = read_json(folder / "other-3/about.json")
+    write_json(folder / "other-3/about.json", about | {"steps": 1_400})
+    refused("other-3: has 1400 of 5200 steps", "HEAD")
+
+
 def test_variants_may_have_recipes_of_two_kinds(folder):
     about = read_json(folder / "other-3/about.json")
     about["recipe"]["failsafe"] = True
     write_json(folder / "other-3/about.json", about)
-    record.gather("tiny", folder)
+    record.gather("tiny", folder, "HEAD")
     changes = read_json(folder / "runs/tiny.json")["recipes"]["second"]
     assert changes == {"discount": 0.9, "failsafe": True}
 
 
 def test_where_runs_were_begun_is_recorded_and_shown(folder, monkeypatch):
     monkeypatch.setattr(tables, "RUNS", folder / "runs")
-    record.gather("tiny", folder)
+    record.gather("tiny", folder, "HEAD")
     assert "begun" not in tables.by_steps("tiny")
     (folder / "runs/list.toml").write_text(f'{LIST}begun = "seed 3 was begun on an H200"\n')
-    record.gather("tiny", folder)
+    record.gather("tiny", folder, "HEAD")
     assert "; seed 3 was begun on an H200.\n" in tables.by_steps("tiny")
 
 
 def test_a_study_is_of_today_by_the_digest_that_it_was_recorded_with(folder, monkeypatch):
-    record.gather("tiny", folder)
+    record.gather("tiny", folder, "HEAD")
     assert record.state("tiny") == ""
     today = record.digest()
     monkeypatch.setattr(record, "digest", lambda commit="": "fedcba9876543210")
     assert today in record.state("tiny")  # the program has changed
-    record.gather("tiny", folder)
+    record.gather("tiny", folder, "HEAD")
     monkeypatch.setattr(record, "digest", lambda commit="": today)
     assert "fedcba9876543210" in record.state("tiny")
     text = (folder / "runs/list.toml").read_text().replace("0123456789abcdef", "fedcba9876543210")
@@ -167,6 +182,9 @@ def test_a_command_makes_its_runs_and_they_are_recorded(folder, monkeypatch):
     monkeypatch.setattr(record, "digest", lambda commit="": "0123456789abcdef")
     record.make("tiny", jobs=2)
     assert record.state("tiny") == "" and not lines
+    monkeypatch.setattr(record, "digest", lambda commit="": "fedcba9876543210")
+    with pytest.raises(InputError, match="begun by another program"):
+        record.make("tiny")
 
 
 def test_weights_that_do_not_fit_float16_are_refused(folder):

@@ -10,6 +10,7 @@ from pathlib import Path
 from runpy import run_path
 from types import SimpleNamespace
 
+import matplotlib
 import numpy as np
 import pytest
 import torch
@@ -343,12 +344,34 @@ def test_city_writes_what_it_made_of_footprints(tmp_path, capsys):
         assert City.load(out).no_fly.any() == tall
 
 
-@pytest.mark.parametrize("allocate", [np.ones, torch.ones])
-def test_too_little_memory_gives_one_line_and_status_1(capsys, monkeypatch, allocate):
-    monkeypatch.setattr("uavdh_lite.city.City.load", lambda name: allocate(2**50))
-    assert main(["fly", "--city", "village"]) == 1
+@pytest.mark.parametrize("allocate", [np.ones, torch.ones, None])
+def test_too_little_memory_and_no_latex_give_one_line_and_status_1(
+    capsys, monkeypatch, tmp_path, allocate
+):
+    if allocate:
+        monkeypatch.setattr("uavdh_lite.city.City.load", lambda name: allocate(2**50))
+    monkeypatch.setitem(matplotlib.rcParams, "text.usetex", True)
+    monkeypatch.setenv("PATH", "")
+    assert main(["fly", "--city", "village", "--out", str(tmp_path / "f.png")]) == 1
     error = capsys.readouterr().err
-    assert "not enough memory" in error and error.count("\n") == 1
+    assert ("not enough memory" if allocate else "LaTeX") in error and error.count("\n") == 1
+
+
+def test_names_with_control_characters_do_not_reach_the_terminal(capsys, tmp_path):
+    """Typed ones are refused, others are shown as Python writes them."""
+    assert r"'a\x1b[2J.png': holds a character" in failing(capsys, "fly", "--city", "a\x1b[2J.png")
+    (tmp_path / "a\x1b[2J.png").write_text("no picture")
+    assert r"a\x1b[2J.png: " in failing(capsys, "evaluate", "--city", str(tmp_path))
+
+
+def test_nothing_is_said_when_nobody_reads_what_is_printed(capsys, monkeypatch):
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "w") as closed:
+        monkeypatch.setattr(sys, "stdout", closed)
+        assert main(["evaluate", "--city", "village", "--episodes", "1"]) == 141
+        monkeypatch.undo()
+    assert not capsys.readouterr().err
 
 
 def test_help_is_plain_text_of_the_terminals_width_and_the_list_of_commands_needs_no_torch():

@@ -24,6 +24,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, train
 from uavdh_lite.experiments.study import (
+    GOING,
     centring,
     collect_curves,
     final_scores,
@@ -77,9 +78,7 @@ def test_a_run_for_each_variant_and_seed_which_is_kept(finished):
     before = [path.stat().st_mtime_ns for path in files]
     assert run_study(find_scenario("village"), centring(RECIPE), 2, out) == folders
     assert [path.stat().st_mtime_ns for path in files] == before
-    (out / "stop").touch()  # left by one that was killed
-    assert run_study(find_scenario("village"), centring(RECIPE), 2, out) == folders
-    assert not (out / "stop").exists()
+    assert not (out / GOING).exists()
 
 
 def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
@@ -146,12 +145,22 @@ def training_processes(out):
     return found
 
 
+@pytest.fixture
+def cluster(tmp_path):
+    """A cluster of three workers, which wait for no lock, and their processes."""
+    distributed = pytest.importorskip("dask.distributed")
+    options = {"n_workers": 3, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
+        client.run(setattr, runs, "LOCK_SECONDS", 0)
+        yield cluster.scheduler_address, set(client.run(os.getpid).values())
+
+
 @pytest.mark.long
 @pytest.mark.longest
-def test_a_cluster_that_loses_a_worker_makes_the_same_runs(finished, tmp_path):
+def test_a_cluster_that_loses_a_worker_makes_the_same_runs(finished, tmp_path, cluster):
     """The first worker that is seen with a run of its own is killed while it trains."""
-    distributed = pytest.importorskip("dask.distributed")
-    killed = []
+    address, workers = cluster
+    killed, over = [], threading.Event()
 
     def kill_one():
         while not killed and not over.is_set():
@@ -160,23 +169,32 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_runs(finished, tmp_path):
                 killed.append(process.pid)
                 return
 
-    over = threading.Event()
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None
-    ) as cluster:
-        with distributed.Client(cluster) as client:
-            workers = set(client.run(os.getpid).values())
-        watching = threading.Thread(target=kill_one)
-        watching.start()
-        try:
-            scenario, variants = find_scenario("village"), centring(RECIPE)
-            address = cluster.scheduler_address
-            run_study(scenario, variants, 2, tmp_path, command="a command", cluster=address)
-        finally:
-            over.set()
-            watching.join()
+    watching = threading.Thread(target=kill_one)
+    watching.start()
+    try:
+        scenario, variants = find_scenario("village"), centring(RECIPE)
+        run_study(scenario, variants, 2, tmp_path, command="a command", cluster=address)
+    finally:
+        over.set()
+        watching.join()
     assert killed and killed[0] in workers
     assert_same_runs(tmp_path, finished[0])
+
+
+@pytest.mark.long
+def test_a_study_whose_call_was_killed_goes_on_at_the_cluster(tmp_path, cluster):
+    """Two workers are still at its runs, whose locks they hold, when the third takes one."""
+    command = study(tmp_path, "--cluster", cluster[0], "--seeds", "1", "--steps", "40960")
+    process = subprocess.Popen([sys.executable, "-m", "uavdh_lite", *command])
+    while len(list(tmp_path.glob(f"*/{SAVED}"))) < 2:
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    assert training_processes(tmp_path)
+    assert main(command) == 0
+    saved = [load(path, "training")[1]["steps"] for path in tmp_path.glob(f"*/{SAVED}")]
+    assert saved == [40_960] * 2
 
 
 def test_a_cluster_must_be_there_and_its_workers_have_one_thread(tmp_path):
@@ -269,6 +287,6 @@ def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(finished
     assert len(saved) >= 2 and min(saved) < RECIPE.steps
     if number != signal.SIGKILL:
         assert process.returncode == 130 and "the same command continues" in message
-        assert not (tmp_path / "stop").exists()
+        assert not (tmp_path / GOING).exists()
     assert main(study(tmp_path, "--jobs", "2")) == 0
     assert_same_runs(tmp_path, finished[0])

@@ -50,6 +50,8 @@ def test_a_column_that_only_later_rows_have_is_empty_in_the_others(tmp_path):
         ("plain.csv.gz", b"a,b\n1,2\n"),
         ("cut.csv", b"a,b\n1\n"),
         ("empty.csv", b""),
+        ("blank.csv", b"\n\n"),
+        ("twice.csv", b"a,b,a\n1,2,3\n"),
         ("binary.csv", b"\xff\xfe\x00"),
         ("long.csv", b"a" * 200_000),  # the csv module has a limit of its own
     ],
@@ -64,6 +66,16 @@ def test_a_column_with_a_word_is_text(tmp_path):
     (tmp_path / "t.csv").write_text("a,b\n1,\n2,x\n")
     read = read_table(tmp_path / "t.csv")
     assert read["a"].tolist() == [1, 2] and read["b"].tolist() == ["", "x"]
+
+
+def test_the_file_that_a_link_leads_to_is_written(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "a.json").symlink_to(tmp_path / "real" / "b")
+    for values in ({"first": 1}, {"second": 2}):
+        write_json(tmp_path / "a.json", values)
+        assert json.loads((tmp_path / "real" / "b").read_text()) == values
+    assert (tmp_path / "a.json").is_symlink()
+    assert [path.name for path in (tmp_path / "real").iterdir()] == ["b"]
 
 
 def test_a_folder_that_cannot_be_written_names_the_file_that_was_meant(tmp_path, monkeypatch):

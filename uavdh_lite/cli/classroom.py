@@ -6,6 +6,7 @@ from pathlib import Path
 from cyclopts import App
 
 from uavdh_lite.course import handed_in
+from uavdh_lite.errors import one_line
 
 classroom = App("classroom", help="Collect, look through and give back a class's exercises.")
 COURSE = Path(".")
@@ -24,7 +25,7 @@ def collect(archive: Path, assignment: str, /, *, course: Path = COURSE) -> None
     """
     students, odd = handed_in.collect(archive, course, assignment)
     for note in odd + [f"{who} handed in again" for who in students if "again" in students[who]]:
-        print(f"- {note}")
+        print("-", one_line(note))
     states = ", ".join(f"{n} {state}" for state, n in Counter(students.values()).items())
     print(f"{course / 'submitted'}: {assignment} of {len(students)} students: {states}")
 
@@ -43,9 +44,9 @@ def check(assignment: str, /, *, course: Path = COURSE) -> None:
     width = max(len(sheet.student) for sheet in sheets)
     for sheet in sheets:
         answered = "no sheet" if sheet.missing else f"{sheet.answered} of {sheet.of} answered"
-        print(f"{sheet.student:<{width}}  {answered}")
+        print(f"{one_line(sheet.student):<{width}}  {answered}")
         for note in sheet.notes:
-            print(f"{'':<{width}}  - {note}")
+            print(f"{'':<{width}}  - {one_line(note)}")
     odd = sum(bool(sheet.notes) for sheet in sheets)
     aside = sum(sheet.notebook is None for sheet in sheets)
     print(f"{len(sheets)} students, {odd} with notes, {aside} without anything to grade")
@@ -87,5 +88,5 @@ def marks(
     """
     count, left = handed_in.fill_in(worksheet, filled, course, assignment, column)
     for student in left:
-        print(f"- {student} is not in {worksheet}")
+        print(f"- {one_line(student)} is not in {worksheet}")
     print(f"{filled}: {count} grades")

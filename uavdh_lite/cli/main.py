@@ -4,6 +4,7 @@ import io
 import os
 import shlex
 import sys
+import unicodedata
 import warnings
 from importlib import import_module
 from typing import get_args
@@ -12,7 +13,7 @@ from cyclopts import UNSET, App, CycloptsError, Parameter
 from cyclopts.exceptions import CoercionError
 
 from uavdh_lite import __version__
-from uavdh_lite.errors import InputError, TrainingDiverged
+from uavdh_lite.errors import InputError, TrainingDiverged, one_line
 
 # Module and help of each command. Only the module of the command that is called is imported, so
 # that the list of commands does not wait for PyTorch.
@@ -31,12 +32,17 @@ COMMANDS = {
     "doctor": ("doctor", "Say what is installed, what is missing, and how to get it."),
     "app": ("app", "Write the interactive labs as one file, and open it."),
 }
+RUNTIME_ERRORS = {
+    "memory": "not enough memory",
+    "latex": "LaTeX is asked for by matplotlib's setting text.usetex",
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit status.
 
-    0; 1 for files, memory or a training that diverged; 2 for bad input; 130 for Ctrl-C.
+    0; 1 for files, memory or a training that diverged; 2 for bad input; 130 for Ctrl-C; 141 if
+    nobody reads what it prints.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     for stream in (sys.stdout, sys.stderr):
@@ -46,6 +52,7 @@ def main(arguments: list[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.showwarning = _warn  # type: ignore[assignment]
             _run(arguments)
+            sys.stdout.flush()
     except CycloptsError as error:
         error.verbose = False  # without what helps only the developers of a command line
         called = " ".join(["python -m uavdh_lite", *arguments[:1], "--help"])
@@ -54,16 +61,20 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(2, error)
     except TrainingDiverged as error:
         return _fail(1, error)
+    except BrokenPipeError:  # who reads has read enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except OSError as error:
         path = error.filename2 or error.filename
         return _fail(1, f"{path}: {error.strerror}" if path else error)
     except MemoryError as error:
         return _fail(1, f"not enough memory: {error}")
     except RuntimeError as error:
-        if "memory" not in str(error):
-            raise
-        # PyTorch has no class of its own for the CPU's; its last lines are about its own source
-        return _fail(1, f"not enough memory: {str(error).splitlines()[0]}")
+        # Neither PyTorch nor matplotlib has a class of its own for these; the first line says it
+        for word, meaning in RUNTIME_ERRORS.items():
+            if word in str(error):
+                return _fail(1, f"{meaning}: {str(error).splitlines()[0]}")
+        raise
     except KeyboardInterrupt:
         return 130
     return 0
@@ -73,11 +84,12 @@ def _run(arguments: list[str]) -> None:
     """Parse the arguments and call the command that they name."""
     for argument in arguments:
         try:
-            usable = b"\0" not in os.fsencode(argument)
+            usable = not any(unicodedata.category(sign) == "Cc" for sign in argument)
+            os.fsencode(argument)
         except UnicodeEncodeError:
             usable = False
         if not usable:
-            raise InputError(f"{argument!r}: holds a character that no name and no file has")
+            raise InputError(f"{argument!r}: holds a character that cannot be typed or printed")
     app = _application(arguments)
     command, bound, not_parsed = app.parse_args(arguments)
     if command == app.help_print and not set(arguments) & set(app.help_flags):
@@ -123,10 +135,15 @@ def _require_values(app, commands, arguments) -> None:
 
 
 def _warn(message, *where) -> None:
-    print("uavdh_lite: warning:", *str(message).splitlines(), file=sys.stderr)
+    _say("warning", message)
+
+
+def _say(kind: str, message: object) -> None:
+    text = one_line(" ".join(str(message).splitlines()))
+    print(f"uavdh_lite: {kind}: {text}", file=sys.stderr)
 
 
 def _fail(status: int, message: object) -> int:
     """Print an error as one line."""
-    print("uavdh_lite: error:", *str(message).splitlines(), file=sys.stderr)
+    _say("error", message)
     return status

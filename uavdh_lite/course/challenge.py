@@ -29,7 +29,7 @@ from filelock import FileLock
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment, State, checked_actions
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import InputError, one_line
 from uavdh_lite.evaluation import FunctionPolicy, Policy, evaluate
 from uavdh_lite.policies import find_policy, known_policies
 from uavdh_lite.scenario import find_scenario
@@ -91,12 +91,6 @@ class Challenge:
             return cls(**values)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-
-
-def _shown(text: str) -> str:
-    """A text in one line, with nothing that a terminal would obey."""
-    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    return "".join(escaped)
 
 
 def entry_name(submission: str, name: str | None = None) -> str:
@@ -205,7 +199,7 @@ def score(
         last = said.decode(errors="replace").strip().split("\n")[-1][:300]
         outcome["failed"] = last or "gave no answer"
     if "failed" in outcome:
-        outcome["failed"] = _shown(outcome["failed"])
+        outcome["failed"] = one_line(outcome["failed"])
     taken = round(time.time() - started, 1)
     return {**result, **outcome, "when": time.ctime(started), "seconds": taken}
 
@@ -268,7 +262,7 @@ def enter(path: Path, board: dict, score: dict, replace: bool = False) -> dict |
         file = file and Path(os.path.relpath(file, path.resolve().parent)).as_posix()
     before = board["scores"].get(score["name"])
     if before and before["file"] != file and not replace:
-        said = f"{path} has a score of {score['name']}, from {_shown(str(before['file']))}"
+        said = f"{path} has a score of {score['name']}, from {one_line(before['file'])}"
         raise InputError(f"{said}: give {file} another --name")
     if score["failed"]:
         board["failures"].append({**score, "file": file})
@@ -298,7 +292,7 @@ def leaderboard(path: Path) -> str:
 
 
 def _cell(text: str) -> str:
-    return _shown(text).replace("|", "&#124;")
+    return one_line(text).replace("|", "&#124;")
 
 
 def _board(path: Path) -> dict:

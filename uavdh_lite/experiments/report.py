@@ -35,7 +35,10 @@ def policies_table(
 
 
 def interval_text(metric: str, interval: Interval) -> str:
-    """As in `97.1 (96.4 to 97.7) %`; the return is no share."""
+    """As in `97.1 (96.4 to 97.7) %`; the return is no share.
+
+    Of values that are all equal, such as a single one, only the mean is shown.
+    """
     scale, unit = (1, "") if metric == "return" else (100, " %")
     mean, low, high = (f"{scale * value:.1f}" for value in interval)
-    return f"{mean} ({low} to {high}){unit}"
+    return f"{mean} ({low} to {high}){unit}" if interval.low < interval.high else f"{mean}{unit}"

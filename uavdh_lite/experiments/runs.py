@@ -122,11 +122,15 @@ def _refuse_part(out: Path, missing: str) -> None:
 
 
 @contextmanager
-def locked(out: Path) -> Iterator[None]:
-    """Keep other processes out of the folder, which is made if need be."""
+def locked(out: Path, seconds: float | None = None) -> Iterator[None]:
+    """Keep other processes out of the folder, which is made if need be.
+
+    Arguments:
+        seconds: how long to wait for one that is there, by default `LOCK_SECONDS`.
+    """
     out.mkdir(parents=True, exist_ok=True)
     try:
-        with FileLock(out / "lock", timeout=LOCK_SECONDS):
+        with FileLock(out / "lock", timeout=LOCK_SECONDS if seconds is None else seconds):
             yield
     except Timeout:
         raise InputError(f"{out}: another process is training there; choose another") from None

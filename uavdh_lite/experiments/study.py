@@ -4,10 +4,11 @@ import csv
 import json
 import os
 import re
+import secrets
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,15 @@ from tqdm.auto import tqdm
 from uavdh_lite.city import load_cities
 from uavdh_lite.config import shown
 from uavdh_lite.errors import InputError, extra
-from uavdh_lite.experiments.runs import SAVED, STUDY, locked, train
+from uavdh_lite.experiments.runs import SAVE_SECONDS, SAVED, STUDY, locked, train
 from uavdh_lite.experiments.stopping import deferred_stop
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import read_json, read_table, write_json, write_table
 from uavdh_lite.training import BIN, trainer_of
 
-STOP = "stop"  # this file in a study's folder tells its processes to save and end
+# Holds the number of the call whose runs may go on in a study's folder; others save and end
+GOING = "going"
 
 
 def centring(recipe: Recipe) -> dict[str, Recipe]:
@@ -93,7 +95,8 @@ def run_study(
     Each run is one thread in a process of its own, in the folder `out/VARIANT-SEED`. If the call is
     killed, its processes save their runs and end, and the same call continues: finished runs are
     kept, others resume where they were saved. Ctrl-C and SIGTERM do so, too, and then raise
-    `KeyboardInterrupt`.
+    `KeyboardInterrupt`. On a cluster, the runs of a call that was killed end when the same call
+    continues.
 
     Arguments:
         jobs: runs at a time, on this machine.
@@ -110,18 +113,15 @@ def run_study(
     out = Path(out).absolute()
     if (out / SAVED).exists():
         raise InputError(f"{out}: holds a single run; choose another folder")
-    stop = out / STOP
-    out.mkdir(parents=True, exist_ok=True)
-    grid = [(name, seed) for seed in range(seeds) for name in variants]
-    with locked(out), _workers(cluster, jobs) as parallel, deferred_stop(stop.touch) as stopped:
-        stop.unlink(missing_ok=True)  # left by a study that was killed
+    call, grid = _Call(out / GOING), [(name, seed) for seed in range(seeds) for name in variants]
+    with locked(out), call.begun(), _workers(cluster, jobs) as parallel, deferred_stop(call.end):
         runs = ((variants[name], seed, out / f"{name}-{seed}") for name, seed in grid)
-        done = parallel(joblib.delayed(_run)(scenario, *run, command, os.getpid()) for run in runs)
+        done = parallel(joblib.delayed(_run)(scenario, *run, command, call) for run in runs)
         for folder in tqdm(done, total=len(grid), unit="run"):
             if folder is not None:
                 tqdm.write(f"finished: {folder}", file=sys.stderr)
-    if stopped() or stop.exists():
-        stop.unlink(missing_ok=True)
+        stopped = not call.goes_on()
+    if stopped:
         print("stopped; the same command continues", file=sys.stderr)
         raise KeyboardInterrupt
     return {name: [out / f"{name}-{seed}" for seed in range(seeds)] for name in variants}
@@ -145,35 +145,64 @@ def _workers(cluster: str, jobs: int) -> Iterator[joblib.Parallel]:
         yield joblib.Parallel(n_jobs=-1)
 
 
+@dataclass(frozen=True)
+class _Call:
+    """A call of `run_study`, which its runs ask in their processes whether they may go on."""
+
+    file: Path
+    number: str = field(default_factory=lambda: secrets.token_hex(8))
+    process: int = field(default_factory=os.getpid)
+
+    @contextmanager
+    def begun(self) -> Iterator[None]:
+        self.file.write_text(self.number)
+        try:
+            yield
+        finally:
+            self.end()
+
+    def end(self) -> None:
+        if self.goes_on():
+            self.file.unlink(missing_ok=True)
+
+    def goes_on(self) -> bool:
+        try:
+            return self.file.read_text() == self.number
+        except FileNotFoundError:
+            return False
+
+
 def _run(
-    scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str, study: int
+    scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str, call: _Call
 ) -> Path | None:
     """One training run, from its start or from where it was saved; None if it was stopped.
 
-    It stops when the study does: when the file `STOP` is there, or the process `study` is gone that
-    began this one, however that ended.
+    It stops when its call does not go on, or when it is in a worker process of the call's own and
+    that process is gone, however it ended.
     """
-    stop, is_worker = folder.parent / STOP, os.getppid() == study
+    is_worker = os.getppid() == call.process
 
     def orphaned() -> bool:
-        return is_worker and os.getppid() != study
+        return is_worker and os.getppid() != call.process
 
-    if stop.exists():
+    if not call.goes_on():
         return None
     torch.set_num_threads(1)
     try:
+        with locked(folder, SAVE_SECONDS):
+            pass  # a run of a call that was killed saves itself and ends
         train(
             trainer_of(recipe)(scenario, recipe, seed),
             folder,
             resume=True,
             command=command,
             show_progress=False,
-            stop=lambda: orphaned() or stop.exists(),
+            stop=lambda: orphaned() or not call.goes_on(),
         )
     except KeyboardInterrupt:
         if orphaned():
             os._exit(130)  # nobody is left to tell, and an idle worker would wait for minutes
-        stop.touch()  # it may have been a Ctrl-C that only this process got
+        call.end()  # it may have been a Ctrl-C that only this process got
         return None
     return folder
 
