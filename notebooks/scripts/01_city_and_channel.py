@@ -56,8 +56,7 @@ figure
 #
 # ## 1.1 Three layers
 #
-# The city is a grid of 16 × 16 cells, each 10 m wide. It was redrawn from the paper's description,
-# because the map was published only as a picture. For each cell there are three yes-or-no
+# The city is a grid of 16 × 16 cells, each 10 m wide. For each cell there are three yes-or-no
 # questions, and the answers to each question form one *layer* of the map:
 
 # %%
@@ -125,14 +124,17 @@ figure
 
 # %% [markdown]
 # Plotted against distance on a logarithmic axis, both path losses are straight lines. Ten times the
-# distance adds 22.7 dB in sight and 36.4 dB behind a building. The gap between the lines is the
-# loss that a building adds. At 100 m this gap is 27.4 dB: the signal is some 550 times weaker.
+# distance adds 22.7 dB in sight and 36.4 dB behind a building. In empty space it would be 20 dB:
+# the power spreads over a sphere, whose area grows with the square of the distance, so the exponent
+# would be 2. The paper's 2.27 is a little more, because near the ground some of the power is
+# absorbed or scattered on the way. The gap between the lines is the loss that a building adds. At
+# 100 m this gap is 27.4 dB: the signal is some 550 times weaker.
 #
 # The distance $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground is
 # $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device, $d$ is 10 m. Why
 # not fly higher? At a height of 100 m, every $d$ is 100 m or more. Directly above the device, this
 # height would cost another 22.7 dB. It would also make distances more alike, so there would be less
-# reason to fly anywhere. (In reality the UAV would see over the roofs; our model ignores that.)
+# reason to fly anywhere.
 #
 # ## 1.3 The link budget
 #
@@ -151,8 +153,7 @@ assert np.isclose(budget_db, channel.transmit_snr_db(16))
 
 # %% [markdown]
 # We call $P/\sigma^2$ in decibels the *link budget*. It is the SNR that a link would have at 1 m,
-# and path loss reduces it. (Elsewhere, “link budget” often means the whole calculation, losses
-# included.)
+# and path loss reduces it.
 #
 # A link behind a building has the same budget, because its transmitter is no weaker and its
 # receiver no noisier. Apart from luck, one subtraction now gives any link's SNR:
@@ -222,18 +223,25 @@ for distance in (0, 10, 20, 30, 100):
 # Trees, signs and vehicles make a signal stronger or weaker than the distance alone would suggest.
 # This is called *shadow fading*. Despite its name, it has nothing to do with the violet shadows of
 # notebook 0, which are cast by buildings on the map: fading stands for things that the map does not
-# show. (Reflections add *multipath fading*, which varies over a few centimetres; the paper leaves
-# it out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean
-# 0, drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a
-# building. Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so
-# in decibels the effects add up, and a sum of many independent effects is nearly normal. A power
-# that is normally distributed in decibels is called *log-normal*. The paper calls the fading's
-# variance $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
+# show. The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean 0,
+# drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a building.
+# Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so in decibels
+# the effects add up, and a sum of many independent effects is nearly normal. A power that is
+# normally distributed in decibels is called *log-normal*. The paper calls the fading's variance
+# $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
+#
+# Reflections add a second kind, *small-scale* or *multipath fading*, which varies over a few
+# centimetres. In eq. 2 the SNR is already averaged over it. Drawn in every slot instead, it would
+# cost data: right above a device, a link without any direct path (*Rayleigh fading*) carries 2.62
+# units in a slot on average, and not 3.14. A device also sends at exactly the rate that its link
+# bears in a slot, whereas real senders choose a rate beforehand, and lose the slot if the link
+# turns out worse (an *outage*). [What the model
+# assumes](../docs/tutorials/what_the_model_assumes.md) has the numbers.
 #
 # In a real street, shadow fading is *correlated*: the tree that is in the way now is still in the
-# way one step later, so the fading stays similar over tens of metres. The authors' code
-# nevertheless draws it anew in every slot, and so do we: if good luck came in runs, it could pay to
-# leave a place with bad luck, and the agent would have to remember its luck (notebook 3).
+# way one step later. The authors' code nevertheless draws it anew in every slot, and so do we: if
+# good luck came in runs, it could pay to leave a place with bad luck, and the agent would have to
+# remember its luck (notebook 3).
 #
 # In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
 # data?
@@ -259,7 +267,7 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
 # %% [markdown]
 # In sight, fading helps a little; behind a building it raises the rate by about a seventh. The next
 # figure shows why. The curve shows the rate, and the dashed line joins a slot with bad luck to one
-# with good luck. (6 dB of luck, good or bad, is very rare.)
+# with good luck.
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -277,14 +285,6 @@ figure
 # Because the curve bends upwards (it is *convex*), the mean rate of the two slots, which lies on
 # the dashed line, is above the curve: good luck gains more than bad luck loses. This is *Jensen's
 # inequality*.
-#
-# Textbooks often say the opposite, that fading *lowers* the rate. They compare links with the same
-# mean SNR, averaged as a ratio, and as a function of this ratio the rate bends downwards. Here the
-# mean is fixed in decibels, so fading raises the mean SNR, by 5 % in sight and by 14 % behind a
-# building (the mean of $10^{\eta/10}$ for a normally distributed $\eta$). This gain exceeds the
-# loss from the downward bend.
-#
-# The UAV cannot foresee luck. It can only choose places that are good on average.
 #
 # ## 1.6 Where to hover
 #

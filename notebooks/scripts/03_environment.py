@@ -222,10 +222,6 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # called **time division multiple access**, or TDMA (paper, eq. 3). The data that a step brings in
 # is the sum over its slots (eq. 4).
 #
-# Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
-# some missions would be lucky from start to end, and a pilot would first have to measure whether
-# its own mission was lucky. With four draws in each step, most of this luck averages out.
-#
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
 # only 1.5 units of data left:
 
@@ -253,9 +249,14 @@ figure
 # slots device 2 happens to be the loudest. In slot 2 it can send only the little data that it still
 # has. Then it is empty, and the loudest of the others sends.
 #
-# Choosing the loudest takes no account of how much data a device has, or of fairness. The loudest
-# device gets the whole slot, even if it has only 0.1 units left to send, and a device that is never
-# the loudest never sends. The rule therefore need not give the best schedule.
+# Choosing the loudest uses luck: each device has its own fading, and the more devices compete, the
+# likelier it is that one of them is lucky. With five equally strong links of 0 dB the loudest
+# carries 1.31 units in a slot on average, and a single one 1.02. This is called **multi-user
+# diversity**.
+#
+# But the rule takes no account of how much data a device has, or of fairness. The loudest device
+# gets the whole slot, even if it has only 0.1 units left to send, and a device that is never the
+# loudest never sends. The rule therefore need not give the best schedule.
 #
 # Why is "serve device 2" not one of the agent's actions? If it were, the agent would have to learn
 # what a simple rule already does well. Even without such an action the agent has a say, because

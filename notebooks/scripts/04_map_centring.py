@@ -215,73 +215,32 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # The price of pictures is size: 4805 numbers instead of about twenty. A network with a separate
 # adjustable number, a *weight*, for each of them would have to learn the same pattern again for
 # each place in the picture. Therefore the agent's network begins with *convolutions* (notebook 5),
-# which look for the same pattern in many places.
+# which look for the same pattern in many places. (If a convolution moves on by several cells at a
+# time, by a *stride* of three, say, it recognises a pattern that has moved only if it has moved by
+# three, six or nine cells.)
 #
-# When the *task* changes, it often suffices to add or remove a layer. Here are eight other tasks.
-# For each, what would you change in the state, the reward and the network's input? Then open the
-# box and compare, because the answers are part of the course.
+# When the *task* changes, it often suffices to add or remove a layer. Take two other tasks, and
+# decide for each what you would change in the state, the reward and the network's input, before you
+# read on.
 #
-# - **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches
-#   each from the landing zone.
-# - **A battery that is swapped.** Landing does not end the mission: on the ground the UAV gets a
-#   full battery, which takes three units of time.
-# - **Buffers that refill.** Every device gets new data in each step, and loses what does not fit
-#   into its memory.
-# - **Two UAVs** share the devices.
-# - **Landing anywhere.** The UAV may land in any cell.
-# - **Devices that move.** They roam the streets while the UAV flies.
-# - **Any direction.** An action is an angle and a speed instead of one of six words.
-# - **A city ten times as wide.**
+# **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches each
+# from the landing zone. *The state* now says whether a parcel is on board, and the layer "data
+# left" becomes "parcels expected here". *The reward* is for each delivery. *The input* loses the
+# layer of buildings, which says what blocks radio signals; the no-fly layer stays. But the same
+# picture calls for one action with a parcel on board and for another without one, so "on board"
+# becomes one more input number beside the time. That is enough if any parcel will do at any place.
+# If each parcel has an address, the map must show where the parcel on board has to go, or the
+# problem is a POMDP.
 #
-# <details><summary>One answer to each</summary>
-#
-# *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels
-# expected here". Each delivery earns a reward. The layer of buildings, which says what blocks radio
-# signals, can go; the no-fly layer stays. The same picture calls for one action with a parcel on
-# board and for another without one, so "on board" becomes one more input number alongside the time.
-# This number is enough if any parcel will do at any place. If each parcel has an address, the map
-# must show where the parcel on board has to go, or the problem is a POMDP.
-#
-# *Swapped battery:* there are now two clocks, one for the battery and one for the mission. Both
-# belong in the state and the observation. The UAV now crashes if its battery runs out in
-# the air. While the mission has time left, `land` does not end the episode but takes three units of
-# time.
-#
-# *Refilling buffers:* an episode no longer has a fixed amount of data that could all be collected,
-# so *collected and landed* must be replaced, for example by the data per unit of time. "Data left"
-# stays as a layer. If the devices fill at different rates that the agent cannot see, the task
-# becomes a POMDP. Show the rates in a layer of their own; otherwise the agent has to guess them.
-#
-# *Two UAVs:* the state holds each UAV's position and remaining time, 0 once landed. Each UAV's
-# network gets one more layer, with the other UAV's remaining time in that UAV's cell. Either the
-# two share one reward, or they compete. The safety controller stops two UAVs from entering the same
-# cell. Each UAV is part of the other's world. As one of them learns to fly differently, the other's
-# world changes, so the steps that the other has stored (notebook 6) come from a world that no
-# longer exists ([a map of the field](../docs/tutorials/map_of_the_field.md)).
-#
-# *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
-# turn back. The UAV still has to choose its route, and it lands when no data is left that is worth
-# the steps needed to fetch it, or else with its last unit of time.
-#
-# *Devices that move:* the next state now also depends on where the devices happen to go. If each of
-# their steps is independent of the one before, their present places are enough for the state. If
+# **Devices that move.** They roam the streets while the UAV flies. The reward stays. The next state
+# now also depends on where the devices happen to go. If each of their steps is independent of the
+# one before, their present places are enough for the state, and the layers stay as they are. If
 # they keep their direction, one picture does not show this direction, and the task is a POMDP.
 # There are three remedies: a layer that shows the directions, the last few pictures together
 # (**frame stacking**), or a network with a memory (a **recurrent** network).
 #
-# *Any direction:* positions are no longer whole numbers, and the grid shows them only roughly. The
-# harder change is in the agent. Our agent gives a number to each of six actions and takes the
-# action with the largest number. Angles and speeds cannot be listed like this, so methods such as
-# **soft actor-critic** (SAC) train a second network that proposes the action ([a map of the
-# field](../docs/tutorials/map_of_the_field.md)). A few *heights* could still be listed: up and down
-# would be two more actions, and the height one more number alongside the time. But then the height
-# decides which links are blocked, so the layer of buildings must say how tall the buildings are.
-#
-# *Ten times as wide:* the frame would have 319 cells on each side, so the network would read about
-# a hundred times as many numbers as now. A later article by the same authors therefore shows the
-# network two small pictures: the surroundings of the UAV in full detail, and the whole map,
-# averaged over coarse cells.
-# </details>
+# Six more tasks, from a battery that is swapped to two UAVs, are on the page [Other
+# tasks](../docs/tutorials/other_tasks.md).
 #
 # ## Recap
 #

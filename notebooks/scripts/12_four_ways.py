@@ -235,8 +235,7 @@ assert np.mean(agree) > 0.85
 # There is a trap, however. The genie never flies into a dead end, so its flights show no way out of
 # one. A copy that errs once gets to places that it has never seen, and errs again. The remedy is to
 # let the *learner* fly, and to ask the genie how to go on from states that the learner gets into. A
-# third of the genie's flights begin in such a state; they give about a quarter of the labels. (This
-# is a relative of **DAgger**, *dataset aggregation*, which labels every state of the learner's
+# third of the genie's flights begin in such a state. (This is a relative of **DAgger**, *dataset aggregation*, which labels every state of the learner's
 # flights.)
 
 # %%
@@ -274,7 +273,8 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # uses this loss in the clipped form of PPO, which limits how far they change a probability.) This
 # is a **policy gradient** method, and here no network has to learn values. We have not tried this
 # method with an agent that knows nothing; hardly any of its flights would be good. The agent
-# `manhattan`, which had copied the genie first, learned in this way for only about twelve minutes.
+# `manhattan` had copied the genie first, which took [most of its
+# training](../docs/results/speed.md).
 #
 # The paper's agents see the map, and learn the rest from reward. In principle they could learn even
 # in a place whose channel nobody can write down, if they could fly millions of steps there, crashes

@@ -393,17 +393,17 @@ def sizes_of_correlation(left_db, step_m):
     return len(off) * step_m
 
 
-def half_width(values, city, power=0.5, per=None, correct=True):
+def half_width(values, city, t, power=0.5, per=None, correct=True):
     off = values - values.mean()
     sums = np.array([off[city == one].sum() for one in set(city.tolist())])
     count = len(sums)
     correction = count / (count - 1) if correct else 1
-    return 1.96 * (correction * (sums**2).sum()) ** power / (per or len(values))
+    return t * (correction * (sums**2).sum()) ** power / (per or len(values))
 
 
-def by_counting(values, city):
+def by_counting(values, city, t):
     sums = np.bincount(city, values - values.mean())
-    return 1.96 * np.sqrt(len(sums) / (len(sums) - 1) * (sums**2).sum()) / len(values)
+    return t * np.sqrt(len(sums) / (len(sums) - 1) * (sums**2).sum()) / len(values)
 
 
 def served_in_any_order(rate, left):
@@ -473,9 +473,13 @@ MISTAKES = {
         (lambda snr_db: np.log2(1 + 10 ** (float(snr_db) / 10)), "stops with TypeError.*An array"),
         (lambda snr_db: np.log2(2 + 10 ** (snr_db / 10)), "0 dB is a ratio of 1"),
     ],
-    "same_path_loss": [(lambda d: d ** (2.27 / 3.64), "in sight is the longer")],
+    "same_path_loss": [
+        (lambda d: d ** (2.27 / 3.64), "in sight is the longer"),
+        (lambda d: int(d ** (3.64 / 2.27)), "nor the result"),
+    ],
     "mean_rate": [
-        (faded(lambda _: np.random.default_rng(0)), "passed in"),
+        (faded(lambda _: np.random.default_rng()), "must come from the generator"),
+        (lambda *case: checks.mean_rate.solution(*case), "Simulate: draw"),
         (faded(lambda generator: generator, most=100_000), "400,000 only about 10"),
         (faded(lambda generator: generator, law="logistic"), "If it is normal"),
         (lambda snr, var, n, g: to_rate(snr + g.normal(0, var**0.5)), "Simulate `draws` slots"),
@@ -516,6 +520,7 @@ MISTAKES = {
         (by_hand(0, 2, -1.2), "A, step 2.*a UAV that hovers uploads all the same"),
         (lambda: [x for flight in FLIGHTS for x in flight], "Return two lists"),
         (by_hand(0, 4, 2.3), "A, step 4.*no more than the device has left"),
+        (by_hand(0, 4, 1.0), "A, step 4.*hovers costs the 0.2"),
         (by_hand(0, 6, -0.2), "A, step 6.*lands does not cost"),
         (by_hand(1, 3, -1.2), "B, step 3.*the crash"),
         (lambda: (FLIGHTS[0], [1.6]), "three of flight B"),
@@ -537,6 +542,7 @@ MISTAKES = {
     ],
     "fitted_line": [
         (stops_early, "even if the loss grows"),
+        (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, -rate, steps), r"\*down\*"),
         (one_after_the_other, "Compute both slopes first"),
         (lambda *c: checks.fitted_line.solution(*c[:3], min(c[3], 1000)), r"0\.002, 2000\)"),
         (lambda x, y, rate, steps: (0.0, 0.0), "rate times its slope"),
@@ -545,8 +551,9 @@ MISTAKES = {
     "convolve": [
         (
             lambda layer, *case: checks.convolve.solution(layer, *case).astype(layer.dtype),
-            "even if the layer holds whole numbers",
+            "whatever the layer holds",
         ),
+        (lambda *case: checks.convolve.solution(*case).astype(int), "whatever the layer holds"),
         (
             lambda layer, kernel, bias: checks.convolve.solution(layer, kernel[::-1, ::-1], bias),
             "neither turned nor mirrored",
@@ -735,5 +742,6 @@ MISTAKES = {
     "clustered_half_width": [
         (lambda *case: half_width(*case, correct=False), r"total by C/\(C − 1\)"),
         (by_counting, "numbers are names"),
+        (lambda *case: half_width(*case[:2], 1.96), "that by t / N"),
     ],
 }

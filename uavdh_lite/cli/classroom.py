@@ -5,6 +5,7 @@ from pathlib import Path
 
 from cyclopts import App
 
+from uavdh_lite.course import exam as exams
 from uavdh_lite.course import handed_in
 from uavdh_lite.errors import one_line
 
@@ -90,3 +91,18 @@ def marks(
     for student in left:
         print(f"- {one_line(student)} is not in {worksheet}")
     print(f"{filled}: {count} grades")
+
+
+@classroom.command
+def exam(folder: Path = Path("."), /, *, seed: int, questions: int = 12) -> None:
+    """Write an exam's sheet and its key as pages to print.
+
+    The numbers vary by the seed, and the library computes the answers, so its questions are public.
+
+    Arguments:
+        folder: where the two pages go.
+        seed: of the numbers and of the choice of questions.
+        questions: how many of the forty; 40 has them all, to practise.
+    """
+    for path in exams.write_exam(folder, seed, questions):
+        print(path)

@@ -158,10 +158,10 @@ picture([])
 #
 # <details><summary>Another hint</summary>
 #
-# Fly along row 0 towards the far corner, but spend hardly any time near it. Then fly to (4, 2), one
-# cell from the device at (4, 1), either back along row 0 and down the street in column 2 or 3, or
-# down the eastern side and along row 4. Stay at (4, 2) for as long as you can while still getting
-# home in time.
+# Fly along row 0 to the cell beside the far device and hover there once or twice, or go on until
+# you are above it. Then fly to (4, 2), one cell from the device at (4, 1), either back along row 0
+# and down the street in column 2 or 3, or down the eastern side and along row 4. There is time for
+# one hover there at most. From there, fly to the nearest cell of the landing zone, (1, 1).
 # </details>
 
 # %%

@@ -88,26 +88,30 @@ checks.view(view)
 # ## 13.2 · How sure are you if missions share a city? (2 points, 12 minutes)
 #
 # An agent flew $N$ missions in $C$ random cities, and you want the mean over *all* cities that the generator could draw. Some cities
-# are harder than others, so missions in one city tend to be good or bad together. The half-width of a 95 % interval of the
-# mean $\bar x$ is then
+# are harder than others, so missions in one city tend to be good or bad together. The half-width of a 95 % interval of
+# the mean $\bar x$ is then
 #
-# $$1.96\;\frac{1}{N}\,\sqrt{\frac{C}{C-1}\;\sum_{\text{cities}}\Big(\sum_{i \text{ in the city}} (x_i - \bar x)\Big)^2}$$
+# $$t\;\frac{1}{N}\,\sqrt{\frac{C}{C-1}\;\sum_{\text{cities}}\Big(\sum_{i \text{ in the city}} (x_i - \bar x)\Big)^2}$$
 #
-# The reason is that the cities, not the missions, were drawn independently, so the sum of each city is *one* random number, and the
-# spread of these sums says how far off the mean may be.
+# The reason is that the cities, not the missions, were drawn independently, so the sum of each city is *one* random
+# number, and the spread of these sums says how far off the mean may be. But a few sums say little about their own spread,
+# so the factor $t$ is not 1.96. It is *Student's*, for $C-1$ degrees of freedom: 12.71 for two cities, 4.30 for three,
+# 2.57 for six, 1.98 for a hundred. (With 1.96, the interval from two equally large cities would contain the true mean in
+# only 70 % of cases.)
 #
 # - `values`: array of shape $(N,)$, $x_i$ of each mission: floats, whole numbers or Booleans,
 # - `city`: array of shape $(N,)$, the number of each mission's city. The numbers are only names: any ints, in any order. There are at
-#   least two cities, and they may have different numbers of missions.
+#   least two cities, and they may have different numbers of missions,
+# - `t`: Student's factor, a number.
 #
 # Return the half-width, one number.
 #
 # An example: values 4, 6, 1, 1 in the cities 0, 0, 1, 1. The mean is 3, and the differences from it are 1, 3, −2, −2. Their
-# sums are 4 in city 0 and −4 in city 1. The half-width is 1.96/4 · √(2/1 · (16 + 16)) = 1.96 · 8/4 = 3.92. If the four missions
-# were treated as independent, it would be 1.96 · √6/√4 = 2.40, which is too narrow.
+# sums are 4 in city 0 and −4 in city 1. The half-width is 12.71/4 · √(2/1 · (16 + 16)) = 12.71 · 8/4 = 25.4: from two cities you
+# know next to nothing about cities. If the four missions were treated as independent, it would be 3.18 · √6/√4 = 3.90.
 #
 # The limiting case: if each mission has a city of its own, then $C = N$ and each sum is a single difference. The formula
-# becomes $1.96\, s/\sqrt{N}$ with $s^2 = \frac{1}{N-1}\sum_i (x_i - \bar x)^2$, the usual half-width.
+# becomes $t\, s/\sqrt{N}$ with $s^2 = \frac{1}{N-1}\sum_i (x_i - \bar x)^2$, the usual half-width.
 #
 # <details><summary>Hint</summary>
 #
@@ -121,17 +125,17 @@ checks.view(view)
 # </details>
 
 # %%
-def half_width(values, city):
+def half_width(values, city, t):
     """Half the width of the 95 % interval of the mean, if cities are drawn at random."""
     ### BEGIN SOLUTION
     off = values - values.mean()
     sums = np.array([off[city == one].sum() for one in np.unique(city)])
     count = len(sums)
-    return 1.96 * np.sqrt(count / (count - 1) * (sums**2).sum()) / len(values)
+    return t * np.sqrt(count / (count - 1) * (sums**2).sum()) / len(values)
     ### END SOLUTION
 
 # %%
 checks.clustered_half_width(half_width)
 
 # %% [markdown]
-# Try your function with a hundred cities and 1, 10 and 100 missions in each. When does another mission in the same city no longer help?
+# Try your function with a hundred cities and 1, 10 and 100 missions in each; then $t$ is 1.98. When does another mission in the same city no longer help?

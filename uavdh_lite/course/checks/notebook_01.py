@@ -47,7 +47,9 @@ LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
     rules={
         "The loss 10 α log10(d) with α_LoS at your distance must equal the loss with α_NLoS at the "
         "distance given. Behind a building the loss grows faster, so the distance in sight is the "
-        "longer one. Do not round the exponents' ratio.": [20.0, 2.0, 55, 7.5, 1000.0],
+        "longer one. Round neither the exponents' ratio nor the result.": [
+            20.0, 2.0, 55, 7.5, 1000.0,
+        ],
         "Both losses are 0 dB at 1 m, so there the two distances are equal.": [1.0],
     },
     mistakes={
@@ -85,7 +87,10 @@ def exact(snr_db, variance):
 def scatters_wrongly(answer) -> str:
     """As many slots as asked for, by the generator's chance; a right answer fails once in 1e7."""
     one, other, again = (answer(0.0, 5.0, 9, stream(Use.EXERCISE, seed)) for seed in (0, 2, 0))
-    if one != again or one == other:
+    if one == other:
+        said = "Another generator changes nothing, so no random number comes from it. Simulate: "
+        return f"{said}draw the fading of each slot from the generator that is passed in."
+    if one != again:
         return "All random numbers must come from the generator that is passed in."
     used, whole = (stream(Use.EXERCISE, 0).bit_generator for _ in range(2))
     answer(0.0, 5.0, MANY, np.random.Generator(used))

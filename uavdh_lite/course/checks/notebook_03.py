@@ -68,7 +68,8 @@ def step_of(answer, flight, step):
         "0.2, and a UAV that hovers uploads all the same.": [
             ("A", 2), ("B", 2),
         ],
-        "A step uploads no more than the device has left: keep track of that.": [("A", 4)],
+        "A step uploads no more than the device has left, so keep track of that; and a step in "
+        "which the UAV hovers costs the 0.2 like any other.": [("A", 4)],
         "The step in which the UAV lands does not cost the 0.2, and nothing is uploaded in "
         "it.": [("A", 6)],
         "Nothing is uploaded in the step that ends a flight. Here time runs out in the air: the "

@@ -29,8 +29,8 @@ def examples(count, rate, steps):
         ],
     },
     mistakes={
-        "It goes uphill: subtract the rate times the slope.": (
-            lambda x, y, rate, steps: fitted_line.solution(x, y, -rate, steps)
+        "That is one step too few.": (
+            lambda x, y, rate, steps: fitted_line.solution(x, y, rate, max(steps - 1, 0))
         ),
         "Take the mean over the examples, not the sum.": (
             lambda x, y, rate, steps: fitted_line.solution(x, y, rate * len(x), steps)
@@ -71,6 +71,9 @@ def drawn(rows, cols, height, width, bias=0.0):
             (np.arange(9.0).reshape(3, 3), np.full((2, 2), 3.0), 0.0),
             (np.arange(16.0).reshape(4, 4), np.array([[1.0, 1, 1], [1, 5, 1], [1, 1, 1]]), 0.0),
         ],
+        "The result is a map of floats, np.zeros(shape), whatever the layer holds.": [
+            (np.array([[1, 2], [3, 4]]), np.array([[0.5]]), 0),
+        ],
         "The kernel is applied as it is: neither turned nor mirrored.": [
             (np.arange(9.0).reshape(3, 3), np.array(kernel), 0.0)
             for kernel in ([[0.0, 1.0], [2.0, 0.0]], [[0.0, 0.0], [1.0, 3.0]])
@@ -81,9 +84,6 @@ def drawn(rows, cols, height, width, bias=0.0):
         ],
         "Layer and kernel need not be square.": [
             drawn(3, 6, 2, 2, 0.3), drawn(6, 4, 2, 3, 0.9), drawn(4, 7, 4, 1, -0.2),
-        ],
-        "The result is a map of floats, np.zeros(shape), even if the layer holds whole numbers.": [
-            (np.array([[1, 2], [3, 4]]), np.array([[0.5]]), 0),
         ],
     },
     mistakes={

@@ -55,27 +55,31 @@ def view(layers, action, turns, mirrored):
     return seen, ((0, 3, 2, 1)[action] - turns if mirrored else action - turns) % 4
 
 
-def usual(values, city):
-    return float(1.96 * np.std(values, ddof=1) / np.sqrt(len(values)))
+T = 12.71, 4.30, 3.18, 2.78, 2.57  # Student's factor of two cities, three, …
+
+
+def usual(values, city, t):
+    return float(t * np.std(values, ddof=1) / np.sqrt(len(values)))
 
 
 def missions(values, city):
     """Values and their cities; or, if there are fewer, so many missions of each city, at random."""
+    t = T[len(set(city)) - 2]
     if len(values) > len(set(city)):
-        return np.array(values), np.array(city)
+        return np.array(values), np.array(city), t
     generator = stream(Use.EXERCISE, sum(values))
     shared = np.repeat(generator.normal(0.8, 0.1, len(city)), values)
     order = generator.permutation(sum(values))
     drawn = (shared + generator.normal(0, 0.1, sum(values))).round(3)
-    return drawn[order], np.repeat(city, values)[order]
+    return drawn[order], np.repeat(city, values)[order], t
 
 
 @exercise(
     "13.2 · How sure are you if missions share a city? (2 points, 12 minutes)",
     rules={
         "Subtract the mean from the values, add up the differences in each city, and square these "
-        "sums. Multiply their total by C/(C − 1), take its square root, and multiply that by 1.96 "
-        "/ N.": [
+        "sums. Multiply their total by C/(C − 1), take its square root, and multiply that by t / "
+        "N.": [
             ([4.0, 6, 1, 1], [0, 0, 1, 1]), ([3, 3, 3], range(3)), ([4] * 6, range(6)),
         ],
         "Cities may have different numbers of missions. The mean is that of all N missions, not of "
@@ -94,9 +98,9 @@ def missions(values, city):
     },
     case=missions,
 )
-def clustered_half_width(values, city):
-    """`half_width(values, city)`: of the 95 % interval of the mean, cities drawn at random."""
+def clustered_half_width(values, city, t):
+    """`half_width(values, city, t)`: of the 95 % interval of the mean, cities drawn at random."""
     off = values - np.mean(values)
     sums = np.array([off[city == name].sum() for name in np.unique(city)])
     count, n = len(sums), len(values)
-    return float(1.96 * np.sqrt(count / (count - 1) * (sums**2).sum()) / n)
+    return float(t * np.sqrt(count / (count - 1) * (sums**2).sum()) / n)
