@@ -18,6 +18,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from itertools import permutations
 from pathlib import Path
 
 import joblib
@@ -25,10 +26,9 @@ import numpy as np
 import torch
 
 from uavdh_lite.beyond.genie import Genie
-from uavdh_lite.beyond.orienteering import Orienteering
 from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import Interval, Policy, evaluate, mean_interval
+from uavdh_lite.environment import Environment, State
+from uavdh_lite.evaluation import Interval, Policy, evaluate, in_flight, mean_interval
 from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.provenance import provenance
@@ -61,6 +61,38 @@ class Row:
     agents: str = ""
     maps: tuple[str, ...] = MAPS
     slow: bool = False
+
+
+class Orienteering(Greedy):
+    """Fly towards the first device of the best order, which is sought again at every step.
+
+    In the orienteering problem a traveller with limited time chooses which places to visit, and in
+    which order, for the largest sum of prizes. Here an order is a sequence of some of the devices.
+    It takes the moves from one to the next, a unit of time over each, and the way home. The best
+    one has the most data of those for which the time suffices, and the least time among equals.
+    """
+
+    def act(self, state: State) -> np.ndarray:
+        return in_flight(state, self._act)
+
+    def _act(self, state: State) -> np.ndarray:
+        city, devices = state.city, state.device_cells.shape[1]
+        # Stop 0 is where the UAV is, stop k the cell from which device k is served
+        goals = self.approach[city[:, None], state.device_cells]
+        stop = np.concatenate([state.uav_cell[:, None], goals], axis=1)
+        moves = self.moves[city[:, None, None], stop[:, :, None], stop[:, None]].astype(int)
+        home = self.environment.time_to_land[city[:, None], stop].astype(int)
+        first, worth = [0], [-1e-4 * home[:, :1]]  # to no device at all
+        for length in range(1, devices + 1):
+            order = np.array(list(permutations(range(1, devices + 1), length)))
+            there = moves[:, 0, order[:, 0]] + moves[:, order[:, :-1], order[:, 1:]].sum(axis=2)
+            time = there + length + home[:, order[:, -1]]
+            data = state.data_left[:, order - 1].sum(axis=2)
+            worth.append(np.where(time <= state.time_left[:, None], data - 1e-4 * time, -np.inf))
+            first += order[:, 0].tolist()
+        chosen = np.array(first)[np.concatenate(worth, axis=1).argmax(axis=1)]
+        action = self.towards(city, state.uav_cell, stop[np.arange(len(state)), chosen])
+        return np.where(chosen == 0, super().act(state), action)
 
 
 def teacher(environment: Environment) -> Genie:

@@ -23,7 +23,7 @@ _KINDS = {
     "recipe": ("a Recipe", ("recipe", "beyond.recipes")),
     "recipe kind": ("a subclass of Recipe", ("recipe", "beyond.recipes")),
     "scenario": ("a Scenario", ("scenario", "beyond.cities")),
-    "policy": ("a function", ("planners", "beyond.genie", "beyond.orienteering")),
+    "policy": ("a function", ("planners", "beyond.genie")),
     "cities": ("a function", ("beyond.cities",)),
 }
 

@@ -8,7 +8,6 @@ import sys
 from dataclasses import fields, replace
 from pathlib import Path
 from runpy import run_path
-from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
@@ -18,7 +17,6 @@ from PIL import Image
 
 from uavdh_lite import registry
 from uavdh_lite.beyond.recipes import BeyondRecipe
-from uavdh_lite.bridges import sionna
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli import flying, training
@@ -319,17 +317,6 @@ def test_files_give_one_line_and_status_1(capsys, tmp_path, monkeypatch, argumen
     assert main(arguments.split()) == 1
     error = capsys.readouterr().err
     assert error.startswith(f"uavdh_lite: error: {named}") and error.count("\n") == 1
-
-
-def test_trace_keeps_another_city_and_goes_on_with_its_own(corridor, tmp_path, monkeypatch, capsys):
-    """The scene's city is the corridor, without Sionna RT."""
-    tracer = SimpleNamespace(city=lambda *_: corridor, trace=lambda *_: None)
-    monkeypatch.setattr(sionna, "Tracer", lambda place: tracer)
-    monkeypatch.chdir(tmp_path)
-    assert main(["trace", "munich"]) == main(["trace", "munich"]) == 0
-    City.load("village").save("place.png")
-    assert "place.png: holds another city" in failing(capsys, "trace", "munich")
-    assert City.load("place.png").size == 8
 
 
 def test_city_writes_what_it_made_of_footprints(tmp_path, capsys):

@@ -19,7 +19,6 @@ FIRST = {  # what the command needs besides, places first
     "challenge score": ["greedy"],
     "challenge show": ["board.json"],
     "city": ["streets.geojson", "--centre", "50,8"],
-    "trace": ["munich"],
     "classroom collect": ["handed_in.zip", "01_city"],
     "classroom check": ["01_city"],
     "classroom return": ["01_city", "feedback.zip"],

@@ -23,7 +23,6 @@ sys.meta_path.insert(0, Missing())
 COMMANDS = {
     "export --checkpoint manhattan": "onnx",
     "city town.geojson --centre 50,8": "footprints",
-    "trace munich": "sionna",
 }
 CALL_ALL = """
 import importlib, pkgutil, uavdh_lite

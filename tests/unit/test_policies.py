@@ -9,7 +9,7 @@ from uavdh_lite.policies import agents_for, find_policy, known_policies
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 
-PLANNERS = ["greedy", "genie", "orienteering", "random"]
+PLANNERS = ["greedy", "genie", "random"]
 
 
 @pytest.fixture(scope="module")

@@ -77,7 +77,7 @@ def test_what_is_registered_is_of_its_kind(kind, extensions):
 def test_what_is_beyond_the_paper_is_known_by_name():
     assert {"paper", "plain", "lite", "small", "told", "imitation"} <= set(registry.names("recipe"))
     assert "any_city" in registry.names("scenario") and "random" in registry.names("cities")
-    assert {"greedy", "random", "genie", "orienteering"} == set(registry.names("policy"))
+    assert {"greedy", "random", "genie"} == set(registry.names("policy"))
 
 
 WORLD = """

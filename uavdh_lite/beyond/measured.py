@@ -120,8 +120,7 @@ def load_place(name: str | Path) -> MeasuredEnvironment:
         found, right = about.get(key), getattr(channel, key)
         if found not in (None, right):
             raise InputError(f"{table}: {key} is {found}; the agents' radio has {right:g} only")
-    over = about.get("buildings", about.get("city"))  # before 0.4: of the whole city
-    if over not in (None, buildings_fingerprint(city), city.fingerprint):
+    if about.get("buildings") not in (None, buildings_fingerprint(city)):
         raise InputError(
             f"{table}: its gains were made over other buildings than those of {path.name}: trace "
             "them again, or take the table that belongs to it"

@@ -1,4 +1,4 @@
-"""`city` and `trace`: a real place as a city, from footprints or from a scene to be ray-traced."""
+"""`city`: a real place as a city, from the footprints of its buildings."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +8,6 @@ from cyclopts.types import PositiveFloat, PositiveInt
 from matplotlib.figure import Figure
 
 from uavdh_lite.bridges.footprints import Raster, city_of_footprints
-from uavdh_lite.city import City
 from uavdh_lite.cli.options import named, output, unread
 from uavdh_lite.errors import InputError
 from uavdh_lite.plotting import save_figure
@@ -61,50 +60,12 @@ def city(
     found, figure = city_of_footprints(footprints, raster), Figure(figsize=(7, 7.2))
     found.draw(figure.subplots())
     outlines = unread(out.with_name(f"{out.stem}-outlines.svg"), footprints)
-    _save(found.city, out)
+    found.city.save(out)
     save_figure(figure, outlines)
+    free = found.city.open_to_devices.sum()
+    print(f"{found.city.text}\n{out}: {cells} × {cells} cells, {free} for devices")
     print(f"{outlines}: the outlines of its buildings over its cells")
     print(f"What became of the features of {footprints}:\n{found.table}")
-
-
-def trace(
-    scene: str,
-    /,
-    *,
-    centre: Pair = "0,0",
-    cells: PositiveInt = 16,
-    rays: PositiveInt = 1_000_000,
-    landing_cells: PositiveInt = 6,
-    out: Annotated[Path, named(".png")] = Path("place.png"),
-) -> None:
-    """Make a city from a scene of Sionna RT, and trace the gains between all its cells.
-
-    The gains are written beside the city, in a file that ends in .npz, after each device. The same
-    command goes on with what was stopped.
-
-    Arguments:
-        scene: one that Sionna ships, such as munich, or the path of an XML file.
-        centre: X,Y of the place's middle in the scene, m.
-        cells: on a side, of 10 m each.
-        rays: from each device.
-        landing_cells: the free cells nearest to the middle that are the landing zone.
-        out: the city's PNG.
-    """
-    from uavdh_lite.bridges.sionna import Place, Tracer  # loads PyTorch, which `city` needs not
-
-    tracer = Tracer(Place(scene, _pair("centre", centre), cells, rays=rays))
-    made = tracer.city(out.stem, landing_cells)
-    if out.exists() and City.load(out).fingerprint != made.fingerprint:
-        raise InputError(f"{out}: holds another city: name another file with --out")
-    _save(made, out)
-    tracer.trace(made, out.with_suffix(".npz"))
-    print(f"{out.with_suffix('.npz')}: the gains between its cells")
-
-
-def _save(made: City, out: Path) -> None:
-    made.save(out)
-    print(made.text)
-    print(f"{out}: {made.size} × {made.size} cells, {made.open_to_devices.sum()} for devices")
 
 
 def _pair(name: str, text: str) -> tuple[float, float]:

@@ -27,7 +27,6 @@ COMMANDS = {
     "export": ("flying", "Write an agent's network as an ONNX file."),
     "challenge": ("challenge", "Score a class's submissions on missions that nobody has seen."),
     "city": ("city", "Make a city from the footprints of buildings."),
-    "trace": ("city", "Make a city from a scene of Sionna RT, and trace its gains."),
     "classroom": ("classroom", "Collect, look through and give back a class's exercises."),
     "doctor": ("doctor", "Say what is installed, what is missing, and how to get it."),
     "app": ("app", "Write the interactive labs as one file, and open it."),

@@ -1,8 +1,12 @@
-"""Ray tracing by Sionna RT: a place in one of its scenes becomes a city and a table of gains.
+"""Ray tracing by Sionna RT: a place in a scene becomes a city, and a table of gains beside it.
+
+    python benchmarks/trace.py munich --centre=20,40 --out data/places/munich.png
 
 Needs the extra `sionna`; on a CPU also LLVM 17 or later, whose library `DRJIT_LIBLLVM_PATH` names.
+The table is written after each device, so the same command goes on with what was stopped.
 """
 
+import argparse
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,8 +17,7 @@ from tqdm.auto import tqdm
 
 from uavdh_lite.beyond.measured import buildings_fingerprint, load_gains, save_gains
 from uavdh_lite.bridges.footprints import city_of_shares
-from uavdh_lite.city import MAX_SIZE, City
-from uavdh_lite.config import option, require
+from uavdh_lite.city import City
 from uavdh_lite.errors import InputError, extra
 
 POINTS = 5  # on a side of a cell at which its height is taken
@@ -26,18 +29,15 @@ MOST_RELIEF_M = 5.0  # between the lowest and the highest ground, since the UAV'
 class Place:
     """A square in a scene, and how its radio is traced; x is east, y is north."""
 
-    scene: str = option("munich", "a scene that Sionna ships, or the path of an XML file")
-    centre: tuple[float, float] = option((0.0, 0.0), "the middle of the place, x and y, m")
-    size: int = option(16, "cells on a side", ge=2, le=MAX_SIZE)
-    cell_size_m: float = option(10.0, "side of a cell, m", gt=0)
-    altitude_m: float = option(10.0, "height of the UAV above the ground, m", gt=0)
-    device_height_m: float = option(1.5, "height of a device's antenna, m", gt=0)
-    frequency_hz: float = option(3.5e9, "carrier frequency, Hz", gt=0)
-    rays: int = option(1_000_000, "rays from each device", ge=1)
-    depth: int = option(5, "most reflections of a ray", ge=0)
-
-    def __post_init__(self):
-        require(self, "place")
+    scene: str  # that Sionna ships, or the path of an XML file
+    centre: tuple[float, float] = (0.0, 0.0)  # x and y, m
+    size: int = 16  # cells on a side
+    cell_size_m: float = 10.0
+    altitude_m: float = 10.0  # of the UAV above the ground
+    device_height_m: float = 1.5
+    frequency_hz: float = 3.5e9
+    rays: int = 1_000_000  # from each device
+    depth: int = 5  # most reflections of a ray
 
 
 class Tracer:
@@ -47,9 +47,9 @@ class Tracer:
     | --- | --- | --- |
     | `height_m` | (M, M, 5, 5) | how high something stands at points of each cell, m; 0: nothing |
 
-    Raises `MissingExtra` without Sionna RT; `InputError` without LLVM or with an old one, for an
-    unknown scene, and for a place that is not on the scene's ground or whose ground is not nearly
-    level.
+    Raises `MissingExtra` without Sionna RT; `InputError` without LLVM or with an old one, for a
+    scene that is unknown or cannot be loaded, and for a place that is not on the scene's ground or
+    whose ground is not nearly level.
     """
 
     def __init__(self, place: Place):
@@ -71,26 +71,24 @@ class Tracer:
                 f"{MOST_RELIEF_M:g} m can be traced, because the UAV flies level"
             )
 
-    def city(self, name: str, landing: int = 6) -> City:
+    def city(self, name: str, landing: int) -> City:
         """The place as a city; its landing zone are the free cells nearest to the middle."""
         tall, built = (
             (self.height_m > limit).mean(axis=(2, 3)) for limit in (self.place.altitude_m, LEVEL_M)
         )
         return city_of_shares(name, tall, built, landing)
 
-    def trace(self, city: City, path: str | Path) -> np.ndarray:
+    def trace(self, city: City, path: Path) -> np.ndarray:
         """The gains between all cells, `[device cell, UAV cell]`, dB; (n, n), −∞ without any ray.
 
-        They are written to `path` after each device, so a trace that was stopped goes on. Rows of
-        cells where no device may stand are −∞. Steps are half a decibel.
-
-        Raises `InputError` if the file holds another trace.
+        They are written to `path` after each device. Rows of cells where no device may stand are
+        −∞. Steps are half a decibel. Raises `InputError` if the file holds another trace.
         """
         about = {**asdict(self.place), "buildings": buildings_fingerprint(city)}
         about = json.loads(json.dumps(about))  # as in the file: tuples become lists
         gain_db = np.full((city.size**2,) * 2, -np.inf, np.float32)
         gain_db[city.open_to_devices.ravel()] = np.nan
-        if Path(path).exists():
+        if path.exists():
             gain_db, found = load_gains(path)
             if found != about:
                 raise InputError(f"{path}: holds another trace; delete it, or name another file")
@@ -138,7 +136,11 @@ class Tracer:
         path = shipped if isinstance(shipped, str) else place.scene
         if not Path(path).is_file():
             raise InputError(f"scene {place.scene}: neither one that Sionna ships nor a file")
-        scene = rt.load_scene(path)
+        try:
+            scene = rt.load_scene(path)
+        except Exception as error:  # Mitsuba raises many types for XML and meshes
+            reason = str(error).strip().splitlines()[-1]
+            raise InputError(f"scene {path}: cannot be loaded ({reason})") from None
         scene.frequency = place.frequency_hz
         scene.tx_array = rt.PlanarArray(num_rows=1, num_cols=1, pattern="iso", polarization="V")
         scene.add(rt.Transmitter("device", position=[0, 0, 0]))
@@ -173,3 +175,29 @@ def _sionna() -> tuple[Any, Any]:
                 "later, such as Debian's libllvm19, and its path in DRJIT_LIBLLVM_PATH"
             ) from None
     return rt, mitsuba
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", help="one that Sionna ships, or the path of an XML file")
+    parser.add_argument("--centre", default="0,0", help="X,Y of the place's middle, m")
+    parser.add_argument("--cells", type=int, default=16, help="on a side, of 10 m each")
+    parser.add_argument("--rays", type=int, default=Place.rays, help="from each device")
+    parser.add_argument("--landing-cells", type=int, default=6)
+    parser.add_argument("--out", type=Path, default=Path("place.png"), help="the city's PNG")
+    options = parser.parse_args(arguments)
+    x, y = map(float, options.centre.split(","))
+    try:
+        tracer = Tracer(Place(options.scene, (x, y), options.cells, rays=options.rays))
+        city, out = tracer.city(options.out.stem, options.landing_cells), options.out
+        if out.exists() and City.load(out).fingerprint != city.fingerprint:
+            raise InputError(f"{out}: holds another city: name another file with --out")
+        city.save(out)
+        tracer.trace(city, out.with_suffix(".npz"))
+    except InputError as error:
+        raise SystemExit(f"error: {error}") from None
+    print(city.text, f"{out}, {out.with_suffix('.npz')}", sep="\n")
+
+
+if __name__ == "__main__":
+    main()
