@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from uavdh_lite.channel import Channel
 from uavdh_lite.city import City, fingerprint_of
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
@@ -79,13 +80,16 @@ class Agent(Policy):
             return True
         return len(own) > 1 and max(city.size for city in cities) <= own[0].size
 
-    def over(self, city: City | tuple[City, ...]) -> "Agent":
+    def over(self, city: City | tuple[City, ...], channel: Channel | None = None) -> "Agent":
         """The same network over another city, or several; a smaller one lies in no-fly cells.
+
+        The radio channel stays its own unless another is given.
 
         Raises `InputError` for a larger city: the network's first fully connected layer is made
         for maps of one size only.
         """
-        environment, size = self.recipe.environment_for(city), self.observation.size
+        channel, size = channel or self.environment.channel, self.observation.size
+        environment = self.recipe.environment_for(city, channel)
         if environment.size > size:
             names = ", ".join(city.name for city in environment.cities[:3])
             raise InputError(

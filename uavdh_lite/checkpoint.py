@@ -125,7 +125,8 @@ def load_agent(path: str | Path) -> Agent:
         for one, city in zip(header.cities, cities, strict=True):
             if one["size"] != city.size:
                 raise InputError(f"{city.name} has {city.size} cells on a side, not {one['size']}")
-        observation = recipe.observation_for(recipe.environment_for(cities), header.size)
+        environment = recipe.environment_for(cities, scenario.channel)
+        observation = recipe.observation_for(environment, header.size)
         with torch.device("meta"):  # without weights: they are in the file
             network = recipe.network_for(observation)
         # Some files hold half-precision weights, to be small

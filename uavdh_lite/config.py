@@ -5,7 +5,7 @@ What fits together is checked by the configuration itself, after `require`.
 
 import math
 import operator
-from dataclasses import MISSING, field, fields
+from dataclasses import MISSING, field, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Literal, get_args, get_origin
 
@@ -97,6 +97,8 @@ def as_type(value: Any, hint: Any) -> Any:
             return value
     elif hint is float and type(value) is int:
         return float(value)
+    elif is_dataclass(hint) and isinstance(value, dict):
+        return from_json(hint, value, hint.__name__.lower())
     elif type(value) is hint or (hint not in NAMES and isinstance(value, hint)):
         return value  # so True is no whole number
     raise TypeError

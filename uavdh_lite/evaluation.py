@@ -199,7 +199,8 @@ def fly(
 
 
 def _require_made_for(policy: Policy, environment: Environment) -> None:
-    """Raise `InputError` if the policy is made for other cities, whose cells mean other places."""
+    """Raise `InputError` if the policy is made for other cities, whose cells mean other places, or
+    for another radio channel."""
     own = policy.made_for()
     if own is None or own is environment:
         return
@@ -211,6 +212,12 @@ def _require_made_for(policy: Policy, environment: Environment) -> None:
             f"this {type(policy).__name__} is made for {made_for}, not for {here}: take "
             "agent.over(city) of an agent (--city on the command line), or make another policy "
             "with this environment"
+        )
+    if found := own.channel.differences(environment.channel):
+        raise InputError(
+            f"this {type(policy).__name__} is made for another channel, with {found}: take "
+            "agent.over(city, channel) of an agent (--other-channel on the command line), or make "
+            "another policy with this environment"
         )
 
 

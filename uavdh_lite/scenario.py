@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavdh_lite import registry
+from uavdh_lite.channel import Channel
 from uavdh_lite.config import option, require, require_name
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
@@ -16,13 +17,14 @@ LEAST_DATA = 0.1  # data units; a saved mission keeps tenths
 
 @dataclass(frozen=True)
 class Scenario:
-    """The ranges from which an episode is drawn, both ends included."""
+    """The ranges from which an episode is drawn, both ends included, and the radio channel."""
 
     name: str
     city: str = option("manhattan", "a shipped city, a PNG, or a folder of PNGs")
     devices: tuple[int, int] = option((2, 5), "least and most number of devices")
     data: tuple[float, float] = option((5.0, 20.0), "least and most data of a device, data units")
     flying_time: tuple[int, int] = option((35, 70), "least and most flying time, units of time")
+    channel: Channel = Channel()  # noqa: RUF009 (frozen)
 
     def __post_init__(self):
         require(self, f"scenario {self.name}")

@@ -17,6 +17,7 @@ from PIL import Image
 
 from uavdh_lite import registry
 from uavdh_lite.beyond.recipes import BeyondRecipe
+from uavdh_lite.channel import Channel
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli import flying, training
@@ -196,7 +197,9 @@ def test_help_explains_every_field_with_the_value_of_the_recipe_that_is_named(
             assert re.search(shown, output), field.name
     assert ("--failsafe" in output) == isinstance(recipe, BeyondRecipe)
     if command == "train":
-        assert all(f.metadata["help"] in output for f in fields(Scenario) if f.name != "name")
+        for field in (*fields(Scenario), *fields(Channel)):
+            assert field.metadata.get("help", "") in output
+        assert "--cell-edge-snr FLOAT" in output
         known = [*registry.names("recipe"), *registry.names("scenario")]
         assert all(name in output for name in known)
 

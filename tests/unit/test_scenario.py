@@ -1,4 +1,5 @@
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -93,7 +94,7 @@ def test_impossible_ranges_name_the_field(field, value):
 
 def test_numbers_of_numpy_and_lists_come_back_from_json():
     scenario = Scenario("mine", devices=np.array([1, 2]), data=[np.float32(1), 2])
-    read = from_json(Scenario, json.loads(json.dumps(vars(scenario))), "scenario")
+    read = from_json(Scenario, json.loads(json.dumps(asdict(scenario))), "scenario")
     assert read == scenario == Scenario(**vars(scenario))
     with pytest.raises(InputError, match="scenario: 'more' is no field"):
         from_json(Scenario, {"name": "a", "more": 1}, "scenario")

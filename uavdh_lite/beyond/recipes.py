@@ -10,6 +10,7 @@ from uavdh_lite.beyond.failsafe import MaskedNetwork, SafeEnvironment, SafeObser
 from uavdh_lite.beyond.global_local import GlobalLocalNetwork
 from uavdh_lite.beyond.imitation import Cloning
 from uavdh_lite.beyond.told import ToldObservation
+from uavdh_lite.channel import Channel
 from uavdh_lite.city import City
 from uavdh_lite.config import option
 from uavdh_lite.environment import Environment
@@ -45,8 +46,12 @@ class BeyondRecipe(Recipe):
                 f"{self.observation}"
             )
 
-    def environment_for(self, city: City | tuple[City, ...]) -> Environment:
-        return SafeEnvironment(city) if self.failsafe else super().environment_for(city)
+    def environment_for(
+        self, city: City | tuple[City, ...], channel: Channel | None = None
+    ) -> Environment:
+        if self.failsafe:
+            return SafeEnvironment(city, channel or Channel())
+        return super().environment_for(city, channel)
 
     def observation_for(self, environment: Environment, size: int = 0) -> Observation:
         kinds = {

@@ -72,7 +72,9 @@ class DataHarvesting(gymnasium.Env):
         render_mode: str | None = None,
     ):
         self.scenario = find_scenario(scenario) if isinstance(scenario, str) else scenario
-        self.environment = environment or Environment(load_cities(self.scenario.city))
+        self.environment = environment or Environment(
+            load_cities(self.scenario.city), self.scenario.channel
+        )
         self.rewards, self.render_mode = rewards, render_mode
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(

@@ -1,7 +1,7 @@
 """`demo`, `fly`, `evaluate`, `compare` and `export`: what trained agents do."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts.types import NonNegativeInt, PositiveInt
 from matplotlib.figure import Figure
@@ -10,6 +10,7 @@ from uavdh_lite import evaluation, missions, plotting
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.bridges.onnx import export_onnx
+from uavdh_lite.channel import Channel
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli.options import (
@@ -18,9 +19,12 @@ from uavdh_lite.cli.options import (
     Cities,
     CommandLine,
     Count,
+    Flag,
     named,
+    options_of,
     output,
     unread,
+    with_values,
 )
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
@@ -37,6 +41,26 @@ FLOWN = {  # in `demo`, where there is such a policy: its name, from that of the
     "a strengthened DDQN": "{}_ddqn",
     "greedy rule": "greedy",
 }
+
+
+ChannelOptions = options_of(Channel(), "Channel")
+
+
+def over_channel(name: str, agent: Agent, values: Any, other: bool) -> Agent:
+    """The agent over the channel that was typed, or its own if none was.
+
+    Raises `InputError` if that is another than it was trained with, unless `other` allows it.
+    """
+    channel = agent.environment.channel
+    if values is not None:
+        channel = with_values(Channel(), values)
+    found = agent.environment.channel.differences(channel)
+    if found and not other:
+        raise InputError(
+            f"{name} was trained over another channel, with {found}: add --other-channel to fly it "
+            "there all the same"
+        )
+    return agent.over(agent.environment.city, channel)
 
 
 def open_agent(checkpoint: str | None, city: str | City | None) -> tuple[str, Agent]:
@@ -137,7 +161,7 @@ def fly(
     flown = given or missions.Mission.draw(agent.scenario, agent.city, seed or 0)
     if save_mission is not None:
         missions.save_mission(save_mission, flown)
-    environment = Environment(flown.city)
+    environment = Environment(flown.city, agent.environment.channel)
     trajectory = flown.fly(environment, agent).trajectory(0)
     if out.suffix.lower() == ".gif":
         plotting.save_animation(flown.city, trajectory, out)
@@ -156,17 +180,24 @@ def evaluate(
     episodes: Count = 1000,
     seed: NonNegativeInt = 0,
     json: Annotated[Path | None, named(".json")] = None,
+    other_channel: Flag = False,
+    channel_values: ChannelOptions = None,  # type: ignore[valid-type]
 ) -> None:
     """Fly an agent on many random missions.
+
+    An agent flies over the radio channel that it was trained with. If you give options under
+    Channel, all of its constants are those of the paper but for these.
 
     Arguments:
         episodes: number of random missions.
         seed: seed of the missions and the fading.
         json: file to write the mean, low and high of each metric to.
+        other_channel: fly the agent over another channel than it was trained with.
     """
     if json is not None:
         unread(json, checkpoint, city)
     name, agent = open_agent(checkpoint, city)
+    agent = over_channel(name, agent, channel_values, other_channel)
     flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
     drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
@@ -200,7 +231,8 @@ def compare(
         out: the table, by default comparison-SCENARIO.csv.gz, with a JSON file next to it.
     """
     opened, agent = open_agent(checkpoint, city)
-    environment, name = Environment(agent.cities), agent.scenario.name
+    environment = Environment(agent.cities, agent.environment.channel)
+    name = agent.scenario.name
     out = output(out, f"comparison-{name}.csv.gz", checkpoint, city)
     beside = unread(comparison.json_beside(out), checkpoint, city)
     if beside.exists() and not out.exists():

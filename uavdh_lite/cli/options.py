@@ -4,6 +4,7 @@ Every `option(...)` field of a dataclass becomes an option. Its default is the v
 or recipe that the command names: `train --recipe small --help` shows those of `small`.
 """
 
+import re
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import field, fields, make_dataclass, replace
@@ -14,11 +15,13 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
+from uavdh_lite.channel import Channel
 from uavdh_lite.errors import InputError
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import Scenario, find_scenario
 
-Preset = TypeVar("Preset", Scenario, Recipe)
+Preset = TypeVar("Preset", Scenario, Recipe, Channel)
+UNIT = re.compile("_(db2?|m)$")  # at the end of a field's name; the option's help has it, too
 Count = Annotated[int, Parameter(validator=Number(gte=1, lte=100_000))]
 """How many of something are flown or run: more would take days, or more memory than there is."""
 CommandLine = Annotated[str, Parameter(parse=False)]
@@ -83,16 +86,21 @@ def presets(arguments: Sequence[str]) -> tuple[Scenario, Recipe]:
     return find_scenario(named.scenario), find_recipe(named.recipe)
 
 
-def options_of(preset: Scenario | Recipe, title: str) -> Any:
+def options_of(preset: Scenario | Recipe | Channel, title: str) -> Any:
     """The type of a parameter with an option for each `option(...)` field of a preset.
 
     `with_values` takes what the parameter is given: None if no such option was typed.
     """
     types = get_type_hints(type(preset))
+    names = {f.name: UNIT.sub("", f.name).replace("_", "-") for f in fields(preset)}
     options = make_dataclass(
         title,
         [
-            (f.name, types[f.name], field(default=getattr(preset, f.name), metadata=f.metadata))
+            (
+                f.name,
+                Annotated[types[f.name], Parameter(name=f"--{names[f.name]}")],
+                field(default=getattr(preset, f.name), metadata=f.metadata),
+            )
             for f in fields(preset)
             if "help" in f.metadata
         ],

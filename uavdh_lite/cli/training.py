@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -27,6 +28,7 @@ def train(arguments: list[str]) -> Callable[..., None]:
     """The command with the options of the scenario and the recipe that the arguments name."""
     named_scenario, named_recipe = presets(arguments)
     scenario_options = options_of(named_scenario, "Scenario")
+    channel_options = options_of(named_scenario.channel, "Channel")
     recipe_options = options_of(named_recipe, "Recipe")
 
     def train(
@@ -41,13 +43,15 @@ def train(arguments: list[str]) -> Callable[..., None]:
         device: Literal["cpu", "cuda", "mps"] = "cpu",
         tensorboard: Flag = False,
         scenario_values: scenario_options = None,  # type: ignore[valid-type]
+        channel_values: channel_options = None,  # type: ignore[valid-type]
         recipe_values: recipe_options = None,  # type: ignore[valid-type]
         command_line: CommandLine,
     ) -> None:
         """Train an agent.
 
-        The options under Scenario and Recipe replace single values of the scenario and the recipe
-        that you name. The defaults below are those of that scenario and that recipe.
+        The options under Scenario, Channel and Recipe replace single values of the scenario, its
+        radio channel and the recipe. The defaults below are those of the scenario and the recipe
+        that you name.
 
         Arguments:
             scenario: what to train for: manhattan, open_field, village, harbour, metropolis, or
@@ -69,7 +73,10 @@ def train(arguments: list[str]) -> Callable[..., None]:
                 from torch.utils import tensorboard as _  # noqa: F401
         torch.set_num_threads(threads)
         out = out or Path("runs", f"{scenario}-{recipe}-{seed}")
-        changed_scenario = with_values(named_scenario, scenario_values)
+        changed_scenario = replace(
+            with_values(named_scenario, scenario_values),
+            channel=with_values(named_scenario.channel, channel_values),
+        )
         changed_recipe = with_values(named_recipe, recipe_values)
         trainer = trainer_of(changed_recipe)(changed_scenario, changed_recipe, seed, device=device)
         best = runs.train(
@@ -87,6 +94,7 @@ def train(arguments: list[str]) -> Callable[..., None]:
 def study(arguments: list[str]) -> Callable[..., None]:
     """The command with the options of the recipe that the arguments name."""
     named_scenario, named_recipe = presets(arguments)
+    channel_options = options_of(named_scenario.channel, "Channel")
     recipe_options = options_of(named_recipe, "Recipe")
 
     def study(
@@ -98,14 +106,15 @@ def study(arguments: list[str]) -> Callable[..., None]:
         jobs: PositiveInt = 1,
         cluster: str = "",
         out: Path = Path("runs", "study"),
+        channel_values: channel_options = None,  # type: ignore[valid-type]
         recipe_values: recipe_options = None,  # type: ignore[valid-type]
         command_line: CommandLine,
     ) -> None:
         """Train several variants of a recipe, over several seeds.
 
         Each variant is trained with several seeds, and their curves are drawn. If you stop the
-        command, run it again: it continues. The options under Recipe hold for all variants; their
-        defaults below are those of the recipe that you name.
+        command, run it again: it continues. The options under Channel and Recipe hold for all
+        variants; their defaults below are those of the scenario and the recipe that you name.
 
         Arguments:
             variants: changes of the recipe, such as as_it_is leak=0 strides=[3,1],kernels=8; by
@@ -119,10 +128,12 @@ def study(arguments: list[str]) -> Callable[..., None]:
         """
         changed = with_values(named_recipe, recipe_values)
         trained = studies.variants_of(changed, variants) if variants else studies.centring(changed)
-        studies.require_fit(named_scenario, trained)
+        channel = with_values(named_scenario.channel, channel_values)
+        changed_scenario = replace(named_scenario, channel=channel)
+        studies.require_fit(changed_scenario, trained)
         jobs = min(jobs, seeds * len(trained))
         folders = studies.run_study(
-            named_scenario, trained, seeds, out, jobs, command_line, cluster
+            changed_scenario, trained, seeds, out, jobs, command_line, cluster
         )
         training, validation = studies.collect_curves(folders, out, command_line)
         print("collected and landed at the end, validation missions, by seed:")

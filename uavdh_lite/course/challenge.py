@@ -147,7 +147,7 @@ def score(
     if submission not in known_policies():
         result["file"] = submission = str(Path(submission).resolve())
     scenario = find_scenario(challenge.scenario)
-    environment = Environment(load_city(scenario.city))
+    environment = Environment(load_city(scenario.city), scenario.channel)
     own = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
     process = subprocess.Popen(
         [sys.executable, "-m", __name__, submission, challenge.scenario, own.name],

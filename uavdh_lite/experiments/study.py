@@ -73,7 +73,7 @@ def require_fit(scenario: Scenario, variants: dict[str, Recipe]) -> None:
     """Raise `InputError` that names a variant whose network the scenario's cities do not fit."""
     cities = load_cities(scenario.city)
     for text, recipe in variants.items():
-        observation = recipe.observation_for(recipe.environment_for(cities))
+        observation = recipe.observation_for(recipe.environment_for(cities, scenario.channel))
         try:
             with torch.device("meta"):
                 recipe.network_for(observation)
