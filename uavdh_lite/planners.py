@@ -12,7 +12,7 @@ from uavdh_lite import registry
 from uavdh_lite.city import moves_from, read_only
 from uavdh_lite.environment import ACTIONS, HOVER, Environment, State
 from uavdh_lite.evaluation import Policy, in_flight
-from uavdh_lite.streams import Use, stream
+from uavdh_lite.streams import Portable, Use, stream
 
 NO_PATH = np.iinfo(np.int16).max  # stands for the number of moves where no path leads
 CACHED = 2**20  # bytes; a mask of cells and goals that is larger leaves the processor's cache
@@ -20,6 +20,8 @@ CACHED = 2**20  # bytes; a mask of cells and goals that is larger leaves the pro
 
 class Random(Policy):
     """Every action equally likely.
+
+    Alone, an episode has the same actions in the labs, which take the seed of its mission.
 
     Arguments:
         seed: of the actions, in the stream for exploration.
@@ -30,7 +32,10 @@ class Random(Policy):
 
     def begin(self, start: State) -> Policy:
         """A policy whose draws begin anew, so that equal flights have equal actions."""
-        return Random(self.seed)
+        policy = Random(self.seed)
+        if len(start) == 1:
+            policy.generator = Portable(Use.EXPLORATION, self.seed)
+        return policy
 
     def act(self, state: State) -> np.ndarray:
         """Draws for the episodes that still fly; `hover` in the others."""

@@ -27,7 +27,7 @@ from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.labs.page import AGENTS
 from uavdh_lite.missions import Mission, as_json, mission_from_json
-from uavdh_lite.planners import Greedy
+from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.recipe import PAPER
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.storage import data_folder
@@ -321,6 +321,8 @@ def test_missions_and_flights_are_the_same(asked, answered):
         assert found["action"] == flight.action.tolist(), SAME
         np.testing.assert_allclose(found["reward"], flight.reward, atol=1e-4)
         np.testing.assert_allclose(found["left"], flight.data_left[-1], atol=1e-4)
+        random = mission.fly(Environment(city), Random(question["seed"])).trajectory(0)
+        assert found["random"] == random.action.tolist(), SAME
 
 
 def test_portable_numbers_are_the_same(asked, answered):

@@ -1,6 +1,6 @@
 // What the JavaScript twins answer to what test_world.py asks.
 
-import { Greedy, readAgent } from "../../uavdh_lite/labs/pilots.js";
+import { Greedy, Random, readAgent } from "../../uavdh_lite/labs/pilots.js";
 import {
   City,
   Environment,
@@ -73,7 +73,8 @@ export function answer({
     const mission = Mission.draw(scenario, places[city].city, seed);
     const flight = mission.fly(places[city], new Greedy(places[city]));
     const { action, reward } = flight;
-    return { mission: mission.asJson(), action, reward, left: [...flight.dataLeft.at(-1)] };
+    const random = mission.fly(places[city], new Random(seed)).action;
+    return { mission: mission.asJson(), action, reward, random, left: [...flight.dataLeft.at(-1)] };
   });
   const generator = new Portable(Use.FADING, numbers.seed);
   const drawn = Array.from({ length: numbers.count }, () => [
