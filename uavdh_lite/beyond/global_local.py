@@ -39,13 +39,10 @@ class GlobalLocalNetwork(nn.Module):
     ):
         super().__init__()
         channels, width, _ = map_shape
-        if local_size % 2 == 0 or local_size > width:
+        if local_size % 2 == 0 or max(local_size, pooling) > width or pooling < 1:
             raise InputError(
-                f"local_size is {local_size}: must be odd and at most {width}, the side of the map"
-            )
-        if not 1 <= pooling <= width:
-            raise InputError(
-                f"pooling is {pooling}: must be from 1 to {width}, the side of the map"
+                f"local_size is {local_size}, pooling is {pooling}: must be odd, and from 1; both "
+                f"at most {width}, the side of the map"
             )
         self.pooling, self.local_size = pooling, local_size
         self.frames = nn.ModuleList(

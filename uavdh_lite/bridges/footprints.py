@@ -53,7 +53,6 @@ OTHER_JSON = {  # entries of JSON files that are not GeoJSON, and what they are
     "CityObjects": "CityJSON",
     "arcs": "TopoJSON",
     "geometryType": "JSON of ArcGIS: ask its server for f=geojson",
-    "layers": "a project or a style, and holds no data itself",
 }
 
 
@@ -156,7 +155,7 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
 
     path, half = Path(path), raster.cells * raster.cell_size_m / 2
     read = [_read(path, number, feature) for number, feature in enumerate(_features(path))]
-    tags = [each for _, each in read]
+    shapes, tags = np.array([shape for shape, _ in read]), [each for _, each in read]
     tagged = any(tag in BUILDING for each in tags for tag in each)
     used = USED if tagged else f"{USED}, as every polygon: no feature has the tag building"
     fate = np.array([_left_out(*each, tagged) for each in read], object)
@@ -164,7 +163,7 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
     if not (fate == used).any():
         found = ", ".join(f"{number} {why}" for why, number in Counter(fate).items())
         raise InputError(f"{path}: no buildings among its features ({found or 'there are none'})")
-    corners = shapely.get_coordinates([read[i][0] for i in np.flatnonzero(fate == used)])
+    corners = shapely.get_coordinates(shapes[fate == used])
     east, north = np.abs(corners).max(axis=0)
     if east > 360 or north > 90:
         raise InputError(
@@ -174,16 +173,18 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
 
     edges = np.arange(raster.cells) - 0.5
     squares = shapely.box(*np.meshgrid(edges, edges), *np.meshgrid(edges + 1, edges + 1))
-    shapes = shapely.make_valid([shapely.transform(each, raster.cells_of) for each, _ in read])
+    shapes = shapely.make_valid(shapely.transform(shapes, raster.cells_of))
     which, cell = shapely.STRtree(squares.ravel()).query(shapes, predicate="intersects")
     touches = shapely.area(shapely.intersection(shapes[which], squares.flat[cell])) > 0
     shown = np.setdiff1d(which[touches], np.flatnonzero(fate == NO_BUILDING))
     which, cell = (each[touches & (fate[which] == used)] for each in (which, cell))
     inside = np.unique(which)
     if not len(inside):
+        corners[:, 0] = (corners[:, 0] - raster.centre[1] + 180) % 360 - 180 + raster.centre[1]
+        (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
         raise InputError(
             f"{path}: no building within {half:g} m of the centre {raster.centre}; its buildings "
-            f"lie between {_extent(corners, raster.centre[1])}"
+            f"lie between {south:.5f}, {west:.5f} and {north:.5f}, {east:.5f} (latitude, longitude)"
         )
     heights = {i: _height(tags[i], raster) for i in inside}
     tall = [i for i in inside if heights[i][0] > raster.altitude_m]
@@ -208,7 +209,7 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
 
 
 def city_of_shares(
-    name: str, tall: np.ndarray, built: np.ndarray, landing: int, near: np.ndarray | None = None
+    name: str, tall: np.ndarray, built: np.ndarray, landing: int, near: Any = None
 ) -> City:
     """A city from how much of each cell is covered, with a landing zone.
 
@@ -217,12 +218,12 @@ def city_of_shares(
         built: (M, M), the share that is built on at all.
         landing: cells of the landing zone: the free ones nearest to `near`, of all from which the
             UAV gets to most of the city.
-        near: (row, column), by default the middle.
+        near: row and column, by default the middle.
 
     Raises `CityError` if not so many cells are free.
     """
     kinds = np.where(tall >= 0.5, TALL, np.where(built >= 0.5, LOW, FREE))
-    middle = (len(kinds) - 1) / 2
+    near = (len(kinds) - 1) / 2 if near is None else near
     parts = connected_parts(kinds != TALL)
     free = np.argwhere((kinds == FREE) & parts[-1]) if parts else np.empty((0, 2), int)
     if len(free) < landing:
@@ -230,9 +231,7 @@ def city_of_shares(
             f"{name}: {len(free)} free cells for a landing zone of {landing}: move the centre, or "
             "make the cells smaller"
         )
-    nearest = np.hypot(*(free - (middle if near is None else near)).T).argsort(kind="stable")[
-        :landing
-    ]
+    nearest = np.hypot(*(free - near).T).argsort(kind="stable")[:landing]
     kinds[tuple(free[nearest].T)] = LANDING
     return City.from_kinds(name, kinds)
 
@@ -296,14 +295,10 @@ def _tags(feature: dict) -> dict[str, str]:
     """What a feature says of itself: by tag, its text in lower case; empty if absent."""
     properties = feature.get("properties") or {}
     tags: dict[str, str] = {}
-    for found in (
-        properties,
-        properties.get("tags"),
-        properties.get("other_tags"),
-        feature.get("tags"),
-    ):
-        pairs = dict(PAIRS.findall(found)) if isinstance(found, str) else found or {}
-        for tag, value in pairs.items():
+    inside = properties.get("tags"), properties.get("other_tags"), feature.get("tags")
+    for found in (properties, *inside):
+        pairs = dict(PAIRS.findall(found)) if isinstance(found, str) else found
+        for tag, value in pairs.items() if isinstance(pairs, dict) else ():
             text = str(value).strip().lower()
             tags[tag] = tags.get(tag) or ("" if text in ABSENT else text)
     return tags
@@ -332,11 +327,3 @@ def _height(tags: dict[str, str], raster: Raster) -> tuple[float, str]:
         if height_m > 0:
             return height_m, tag
     return np.inf if raster.assumed_m is None else raster.assumed_m, "assumed"
-
-
-def _extent(corners: np.ndarray, longitude: float) -> str:
-    """Between which latitudes and longitudes the corners lie, in words, seen from a longitude."""
-    corners = corners - (longitude, 0)
-    corners[:, 0] = (corners[:, 0] + 180) % 360 - 180 + longitude
-    (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
-    return f"{south:.5f}, {west:.5f} and {north:.5f}, {east:.5f} (latitude, longitude)"

@@ -77,10 +77,7 @@ class DataHarvesting(gymnasium.Env):
         )
         self.rewards, self.render_mode = rewards, render_mode
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError(
-                f"render_mode {render_mode!r}: must be None or rgb_array; 'human' is a wrapper's, "
-                "which gymnasium.make adds and which needs pygame"
-            )
+            raise InputError(f"render_mode {render_mode!r}: must be None or rgb_array")
         most_data, most_time = self.scenario.data[1], self.scenario.flying_time[1]
         self._observation = Observation(self.environment, observation, most_data, most_time)
         shapes = {"map": self._observation.map_shape, "time": (1,)}
@@ -174,9 +171,7 @@ class VectorDataHarvesting(VectorEnv):
     **Seed**: all episodes draw from one stream, so equal seeds and equal numbers of episodes give
     equal flights, but not those of single environments with the seeds seed, seed + 1, ...
 
-    Arguments:
-        num_envs: episodes in the batch.
-        options: those of `DataHarvesting` but `render_mode`: a batch is not drawn.
+    The options are those of `DataHarvesting` but `render_mode`: a batch is not drawn.
     """
 
     state: State | None = None

@@ -2,14 +2,12 @@
 
 import json
 import warnings
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.export.dynamic_shapes import ShapesCollection
-from torch.torch_version import TorchVersion
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.environment import ACTIONS
@@ -19,7 +17,6 @@ from uavdh_lite.streams import Use, stream
 
 INPUTS = ("map", "time", "allowed")  # as many as the network takes
 TOLERANCE = 1e-3  # of a Q-value, in data units
-OLDEST = {"torch": "2.8", "onnxscript": "0.7"}  # with older ones the export of some agents fails
 
 
 def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
@@ -37,19 +34,13 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
 
     ONNX Runtime and the agent are asked about random states under way. Their Q-values may differ by
     at most `TOLERANCE`, and they must choose the same action wherever the best two Q-values differ
-    by more. Otherwise nothing is written, and `InputError` is raised, as it is for packages older
-    than `OLDEST`. `MissingExtra` says which of onnx, onnxscript and onnxruntime is not installed.
+    by more. Otherwise nothing is written, and `InputError` is raised. `MissingExtra` says which of
+    onnx, onnxscript and onnxruntime is not installed.
     """
     with extra("onnx"):
         import onnx
         import onnxruntime
         import onnxscript  # noqa: F401 (torch's exporter needs it)
-    for package, oldest in OLDEST.items():
-        if TorchVersion(installed := version(package)) < oldest:
-            raise InputError(
-                f"{package} {installed} is installed, and exporting takes {oldest} or a newer one: "
-                "pip install -U 'uavdh-lite[onnx]'"
-            )
 
     generator = stream(Use.EXPORT)
     state = agent.scenario.sample_anywhere(agent.environment, states, generator, spare_time=0)
