@@ -19,15 +19,9 @@ def test_it_sees_the_map_averaged_and_its_middle_in_full():
     assert torch.equal(middle, map[:, :, 2:7, 2:7])
 
 
-@pytest.mark.parametrize("local_size", [4, 11])
-def test_a_middle_without_a_centre_or_larger_than_the_map_is_refused(local_size):
-    with pytest.raises(InputError, match=f"local_size is {local_size}"):
-        GlobalLocalNetwork((5, 9, 9), 2, local_size)
-
-
-@pytest.mark.parametrize("pooling", [0, 10])
-def test_a_coarse_map_without_a_cell_is_refused_also_without_convolutions(pooling):
-    with pytest.raises(InputError, match=f"pooling is {pooling}: must be from 1 to 9"):
-        GlobalLocalNetwork((5, 9, 9), pooling, 5, strides=())
+@pytest.mark.parametrize(("pooling", "local_size"), [(2, 4), (2, 11), (0, 5), (10, 5)])
+def test_a_map_without_a_centre_or_a_cell_or_larger_than_all_is_refused(pooling, local_size):
+    with pytest.raises(InputError, match=f"local_size is {local_size}, pooling is {pooling}: .* 9"):
+        GlobalLocalNetwork((5, 9, 9), pooling, local_size, strides=())
     network = GlobalLocalNetwork((5, 9, 9), 9, 5, strides=())
     assert network(torch.rand(2, 5, 9, 9), torch.rand(2, 1)).shape == (2, 6)

@@ -101,41 +101,25 @@ def test_it_resumes_to_the_bit(recipe, tmp_path):
     assert torch.equal(ours, theirs)
 
 
-class OwnRecipe(ImitationRecipe):
-    """A recipe with an idea of somebody else."""
-
-
-@pytest.mark.parametrize("kind", [ImitationRecipe, OwnRecipe])
-def test_a_recipe_is_trained_by_what_it_names_and_nothing_else(kind):
-    recipe = kind(**asdict(IMITATION))
-    assert trainer_of(recipe) is Reinforced
+def test_an_imitation_is_trained_by_what_it_names_and_nothing_else():
+    assert trainer_of(IMITATION) is Reinforced
     with pytest.raises(InputError, match="imitation is trained by Reinforced, here is Trainer"):
-        Trainer(SCENARIO, recipe, 0, CITY)
+        Trainer(SCENARIO, IMITATION, 0, CITY)
 
 
-def test_two_resolutions_need_the_centred_map():
+def test_two_resolutions_need_the_centred_map_and_the_middle_of_a_small_one_is_all_of_it():
     with pytest.raises(InputError, match="found non_centred"):
         replace(TOLD, observation="non_centred")
     assert replace(TOLD, observation="non_centred", pooling=0).told
-
-
-def test_the_middle_of_a_small_map_is_all_of_it():
     recipe = replace(TOLD, local_size=17, strides=(1,))
     observation = recipe.observation_for(recipe.environment_for(CITY))
     assert recipe.network_for(observation).network.local_size == observation.width == 9
 
 
 def test_the_learning_rate_falls_twice():
-    two = replace(
-        IMITATION,
-        replay_prefill=500,
-        replay_capacity=1000,
-        steps=2000,
-        labels=1000,
-        learning_rate=0.4,
-        learning_rate_end=0.0,
-    )
-    two = replace(two, reward_learning_rate=0.1)
+    memory = {"replay_prefill": 500, "replay_capacity": 1000}
+    rates = {"learning_rate": 0.4, "learning_rate_end": 0.0, "reward_learning_rate": 0.1}
+    two = replace(IMITATION, steps=2000, labels=1000, **memory, **rates)
     rates = [two.learning_rate_at(steps) for steps in (0, 500, 1000, 1500, 2000)]
     assert rates == pytest.approx([0.4, 0.2, 0.1, 0.05, 0])
     for labels in (None, 5000):  # a run without a part for reward

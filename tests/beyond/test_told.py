@@ -14,7 +14,7 @@ CITIES = (
     City.from_text("five", "L . N . . \n . . b . . \n . B . . L \n . . . N . \n b . . . ."),
     City.from_text("three", "L . . \n . b N \n . . ."),
 )
-SCENARIO = Scenario("any", devices=(1, 3), data=(2.0, 15.0), flying_time=(10, 40))
+SCENARIO = Scenario("any", devices=(1, 3), data=(0.5, 15.0), flying_time=(10, 40))
 
 
 @pytest.fixture(scope="module")

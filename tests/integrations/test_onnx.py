@@ -1,19 +1,15 @@
 """ONNX files decide as the agents that they were made from."""
 
 import json
-import re
-import tomllib
 from dataclasses import asdict
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import onnxruntime
 import pytest
 
 from uavdh_lite.beyond.recipes import BeyondRecipe
-from uavdh_lite.bridges import onnx
-from uavdh_lite.bridges.onnx import OLDEST, TOLERANCE, export_onnx
+from uavdh_lite.bridges.onnx import TOLERANCE, export_onnx
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS
@@ -52,19 +48,6 @@ def test_a_shipped_agent(tmp_path, name, city):
     about = export(agent, tmp_path / "a.onnx")
     assert about["actions"] == list(ACTIONS) and about["size"] == 16
     assert about["recipe"]["data_scale"] == agent.recipe.data_scale
-
-
-@pytest.mark.parametrize("package", OLDEST)
-def test_a_package_that_is_too_old_is_named(tmp_path, monkeypatch, package):
-    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-    assert f"{package}>={OLDEST[package]}" in project["optional-dependencies"]["onnx"]
-    older = f"{float(OLDEST[package]) - 0.1:.1f}.9+cpu"
-    monkeypatch.setattr(onnx, "version", lambda name: older if name == package else "99.0")
-    with pytest.raises(
-        InputError, match=rf"^{package} {re.escape(older)} is installed.*uavdh-lite"
-    ):
-        export_onnx(load_agent("manhattan_ddqn_early"), tmp_path / "a.onnx", states=50)
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):
