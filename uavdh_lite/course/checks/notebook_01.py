@@ -16,7 +16,17 @@ from uavdh_lite.streams import Use, stream
         "the rate there is log2(2) = 1.": [0.0],
         "Adding 10 dB multiplies the power by ten, so the ratio is 10 ** (snr_db / 10), near 0 dB "
         "and far from it. Nothing is rounded.": [
-            10.0, -10.0, 3.0, 20, -15.0, 25.5, -30.0, -60.0, 55.25, 150.0, 0.001,
+            10.0,
+            -10.0,
+            3.0,
+            20,
+            -15.0,
+            25.5,
+            -30.0,
+            -60.0,
+            55.25,
+            150.0,
+            0.001,
         ],
         "An array has a rate for each element: use np.log2 and ** on the whole array, without a "
         "loop, `if` or `math`.": [
@@ -48,7 +58,11 @@ LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
         "The loss 10 α log10(d) with α_LoS at your distance must equal the loss with α_NLoS at the "
         "distance given. Behind a building the loss grows faster, so the distance in sight is the "
         "longer one. Round neither the exponents' ratio nor the result.": [
-            20.0, 2.0, 55, 7.5, 1000.0,
+            20.0,
+            2.0,
+            55,
+            7.5,
+            1000.0,
         ],
         "Both losses are 0 dB at 1 m, so there the two distances are equal.": [1.0],
     },
@@ -100,9 +114,9 @@ def scatters_wrongly(answer) -> str:
         return f"{said}: simulate `draws` slots, however many they are."
     far = library_rate(12.0 + np.array([-3, 3]) * np.sqrt(2.0))
     for draws, count in ((1, 6000), (40, 1000)):
-        few = np.array([
-            answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in range(count)
-        ])
+        few = np.array(
+            [answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in range(count)]
+        )
         used = (exact(12.0, 2.0)[1] / (np.std(few) + 1e-12)) ** 2
         if not draws / 1.6 < used < 1.6 * draws:
             said = f"mean_rate(12, 2, {draws}, generator) is right on average, but scatters like a "
@@ -122,14 +136,16 @@ def scatters_wrongly(answer) -> str:
         "Simulate `draws` slots, each with a fading of its own: normal, mean 0, standard deviation "
         "√variance. Add it to the SNR, in dB. Turn each SNR into a rate, then average the "
         "rates. Chance explains a deviation of at most 1.5 %.": [
-            (-8, 30, MANY), (0.0, 5, MANY), (12, 2.0, MANY), (-20, 9.0, MANY), (0.0, 60.0, MANY),
+            (-8, 30, MANY),
+            (0.0, 5, MANY),
+            (12, 2.0, MANY),
+            (-20, 9.0, MANY),
+            (0.0, 60.0, MANY),
         ],
     },
     mistakes={
         "The fading is far too strong: generator.normal expects the standard deviation, the square "
-        "root of the variance.": (
-            lambda snr_db, variance, *_: exact(snr_db, variance**2)[0]
-        ),
+        "root of the variance.": (lambda snr_db, variance, *_: exact(snr_db, variance**2)[0]),
         "On average that is the rate at the mean SNR, which is also the median rate. Either the "
         "fading is not added, or the SNRs are averaged before they become rates, or you take the "
         "median. Add fading to the SNR in each slot, turn each SNR into a rate, then average the "

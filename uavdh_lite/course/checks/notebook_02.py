@@ -26,9 +26,11 @@ APART = [case for case in DRAWN if case not in TOUCHING]
 # Every corner that a ray of up to ten rows and columns touches, in all four directions
 TOUCHING += [
     ((0, 0), (down * R, right * C), (down * r, right * c))
-    for R, C in np.ndindex(11, 11) for r, c in np.ndindex(R + 1, C + 1)
+    for R, C in np.ndindex(11, 11)
+    for r, c in np.ndindex(R + 1, C + 1)
     if 2 * abs(R * c - C * r) == R + C > 0
-    for down in (1, -1) for right in (1, -1)
+    for down in (1, -1)
+    for right in (1, -1)
 ]
 
 
@@ -37,20 +39,28 @@ TOUCHING += [
     rules={
         "The segment begins and ends in the middle of a cell, so it crosses both cells. For them "
         "R·c − C·r is 0, which is less than (|R| + |C|) / 2.": [
-            ((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)),
+            ((2, 3), (4, 8), (2, 3)),
+            ((2, 3), (4, 8), (4, 8)),
         ],
         "If both ends are the same point, only that cell is crossed. Then R and C are 0, "
         "so nothing is less than (|R| + |C|) / 2: treat this case separately.": [
-            ((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7)),
+            ((4, 6), (4, 6), (4, 6)),
+            ((4, 6), (4, 6), (4, 7)),
         ],
         "Along a row or a column the segment runs through the middle of each cell between its "
         "ends, and through no other. Compare products, so that no slope is needed.": [
-            ((3, 2), (3, 7), (3, 5)), ((3, 2), (3, 7), (4, 5)), ((6, 4), (1, 4), (3, 5)),
+            ((3, 2), (3, 7), (3, 5)),
+            ((3, 2), (3, 7), (4, 5)),
+            ((6, 4), (1, 4), (3, 5)),
         ],
         "A cell that is on the line beyond an end of the segment is not crossed: only cells in the "
         "rectangle between the two ends can be.": [
-            ((2, 2), (4, 4), (6, 6)), ((3, 5), (3, 8), (3, 1)), ((3, 3), (0, 0), (4, 4)),
-            ((2, 2), (5, 6), (2, 1)), ((2, 2), (5, 6), (5, 7)), ((2, 2), (6, 5), (1, 2)),
+            ((2, 2), (4, 4), (6, 6)),
+            ((3, 5), (3, 8), (3, 1)),
+            ((3, 3), (0, 0), (4, 4)),
+            ((2, 2), (5, 6), (2, 1)),
+            ((2, 2), (5, 6), (5, 7)),
+            ((2, 2), (6, 5), (1, 2)),
         ],
         "Measure rows and columns from start. The cell's centre must be near the line, on either "
         "side of it: |R·c − C·r| less than (|R| + |C|) / 2. No other distance will do.": [
@@ -60,7 +70,9 @@ TOUCHING += [
         "and sums must take care of the signs; |R + C| is not |R| + |C|.": APART,
         "A segment that only touches a cell at a corner does not cross its open interior. Compare "
         "with <, not <=, and in whole numbers: rounded ones cannot tell touching from crossing.": [
-            ((1, 1), (4, 4), (1, 2)), ((0, 0), (7, 21), (3, 8)), *TOUCHING,
+            ((1, 1), (4, 4), (1, 2)),
+            ((0, 0), (7, 21), (3, 8)),
+            *TOUCHING,
         ],
         "A segment may cut off a tiny corner of a cell, or miss the cell by a hair. Points sampled "
         "along the ray miss such a corner: compare whole numbers.": [
@@ -104,17 +116,23 @@ def blocked(buildings, device, cell):
     rules={
         "Without buildings nothing is hidden, not even the device's own cell: everything is False, "
         "in an array of Booleans such as np.zeros(shape, bool).": [
-            (1, (0, 0)), (2, (1, 0)), (5, (2, 2)),
+            (1, (0, 0)),
+            (2, (1, 0)),
+            (5, (2, 2)),
         ],
         "A building that the ray crosses hides everything behind it, and a UAV over a building is "
         "hidden, too: the map is True where the link is blocked.": [
-            (1, (0, 0), (0, 0)), (3, (2, 1), (1, 0), (1, 1), (1, 2)),
+            (1, (0, 0), (0, 0)),
+            (3, (2, 1), (1, 0), (1, 1), (1, 2)),
             (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
         ],
         "A ray through the corner that two diagonal buildings share is blocked. One that only "
         "touches one building at a corner is not.": [
-            (2, (0, 0), (0, 1)), (3, (0, 0), (1, 2)), (2, (1, 0), (0, 0), (1, 1)),
-            (2, (0, 0), (0, 1), (1, 0)), (5, (3, 0), (1, 1), (2, 2), (3, 3)),
+            (2, (0, 0), (0, 1)),
+            (3, (0, 0), (1, 2)),
+            (2, (1, 0), (0, 0), (1, 1)),
+            (2, (0, 0), (0, 1), (1, 0)),
+            (5, (3, 0), (1, 1), (2, 2), (3, 3)),
         ],
         "Every cell has its own ray, in any city.": [
             (7, at, (1, 2), (2, 3), (4, 3), (5, 4)) for at in ((1, 4), (5, 2), (0, 0), (6, 5))
@@ -166,16 +184,27 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
         "If both directions of every pair agree, the share is 0, whether both are clear or both "
         "blocked. A cell forms no pair with itself, [i, j, i, j]. Note that .T reverses all 4 "
         "axes: reshape first.": [
-            2, 3, (2, (0, 1, 1, 0), (1, 0, 0, 1)), (2, (0, 1, 0, 1)), line_of_sight(BUILDINGS),
+            2,
+            3,
+            (2, (0, 1, 1, 0), (1, 0, 0, 1)),
+            (2, (0, 1, 0, 1)),
+            line_of_sight(BUILDINGS),
         ],
         "There are n (n − 1) / 2 unordered pairs of different cells, with n = M². A pair is "
         "asymmetric if exactly one of its two directions is blocked. Divide the number of these by "
         "the number of all pairs.": [
-            (2, (0, 1, 1, 0)), (2, (1, 0, 0, 1)), (3, (2, 1, 0, 2)),
-            (3, (0, 0, 0, 2), (2, 2, 0, 0)), (2, (0, 0, 0, 0), (0, 0, 1, 0)),
+            (2, (0, 1, 1, 0)),
+            (2, (1, 0, 0, 1)),
+            (3, (2, 1, 0, 2)),
+            (3, (0, 0, 0, 2), (2, 2, 0, 0)),
+            (2, (0, 0, 0, 0), (0, 0, 1, 0)),
         ],
         "It must work for any table; in a large one, 16 bits cannot count the asymmetric pairs.": [
-            RANDOM[2] < 0.5, RANDOM[2] < 0.9, RANDOM[4] < 0.5, RANDOM[4] < 0.9, RANDOM[24] < 0.5,
+            RANDOM[2] < 0.5,
+            RANDOM[2] < 0.9,
+            RANDOM[4] < 0.5,
+            RANDOM[4] < 0.9,
+            RANDOM[24] < 0.5,
             bresenham_fans(BUILDINGS),
         ],
     },

@@ -12,32 +12,41 @@ from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
     "3.1 · Who gets the slot? (1 point, 10 minutes)",
     rules={
         "If no device has data left, nobody may send: return −1 and 0.": [
-            ([3.0, 8.0], [0.0, 0.0]), ([-70.0], [0]),
+            ([3.0, 8.0], [0.0, 0.0]),
+            ([-70.0], [0]),
         ],
         "First comes the device's number, then what it uploads: what the slot carries, "
         "rate(snr_db), but no more than is left.": [
-            ([2], [9]), ([-30.0], [5.0]), ([60.0], [1000.0]), ([10.0], [0.7]), ([40.0], [1.5]),
+            ([2], [9]),
+            ([-30.0], [5.0]),
+            ([60.0], [1000.0]),
+            ([10.0], [0.7]),
+            ([40.0], [1.5]),
         ],
         "The device with the highest SNR is served, however small its lead is and however little "
         "it has left, as long as it has any; its number is an index into snr_db.": [
-            ([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), ([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]),
-            ([-3, -1], [9, 9]), ([9.0, 3.0], [1.0, 50.0]), ([10.0, 3.0], [0.7, 8.0]),
+            ([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]),
+            ([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]),
+            ([-3, -1], [9, 9]),
+            ([9.0, 3.0], [1.0, 50.0]),
+            ([10.0, 3.0], [0.7, 8.0]),
         ],
         "A device without data is not served, but the others keep their numbers. The highest SNR "
         "among them wins, however low; give that device's index in the full snr_db.": [
-            ([12, 5, 9], [0, 50, 40]), ([9.0, 8.0, 7.0], [0.0, 5.0, 6.0]),
+            ([12, 5, 9], [0, 50, 40]),
+            ([9.0, 8.0, 7.0], [0.0, 5.0, 6.0]),
             ([9.0, 3.0, 6.0, -2.5, 8.5], [0.0, 0.0, 2.0, 3.0, 0.0]),
-            ([-6.0, -11.0], [0.0, 8.0]), ([5.0, -140.0], [0.0, 1.0]),
+            ([-6.0, -11.0], [0.0, 8.0]),
+            ([5.0, -140.0], [0.0, 1.0]),
         ],
         "A device has data left if its amount is more than 0, however small.": [
-            ([8.0, 3.0], [1e-7, 9.0]), ([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]),
+            ([8.0, 3.0], [1e-7, 9.0]),
+            ([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]),
         ],
     },
     mistakes={
         "0 dB is not low enough for an empty device: the SNRs of the others may be lower. Give it "
-        "−infinity.": (
-            lambda snr_db, left: tdma_slot.solution(snr_db, left, empty=0)
-        ),
+        "−infinity.": (lambda snr_db, left: tdma_slot.solution(snr_db, left, empty=0))
     },
     case=lambda *arrays: tuple(map(np.array, arrays)),
 )
@@ -61,24 +70,21 @@ def step_of(answer, flight, step):
     "3.2 · Rewards by hand (2 points, 10 minutes)",
     rules={
         "Each data unit that is uploaded counts 1, and each step in which the UAV does not land "
-        "costs 0.2.": [
-            ("A", 1), ("A", 3), ("A", 5), ("B", 1),
-        ],
+        "costs 0.2.": [("A", 1), ("A", 3), ("A", 5), ("B", 1)],
         "The controller replaced the action with hovering. Its penalty of 1 comes on top of the "
-        "0.2, and a UAV that hovers uploads all the same.": [
-            ("A", 2), ("B", 2),
-        ],
+        "0.2, and a UAV that hovers uploads all the same.": [("A", 2), ("B", 2)],
         "A step uploads no more than the device has left, so keep track of that; and a step in "
         "which the UAV hovers costs the 0.2 like any other.": [("A", 4)],
-        "The step in which the UAV lands does not cost the 0.2, and nothing is uploaded in "
-        "it.": [("A", 6)],
+        "The step in which the UAV lands does not cost the 0.2, and nothing is uploaded in it.": [
+            ("A", 6)
+        ],
         "Nothing is uploaded in the step that ends a flight. Here time runs out in the air: the "
         "penalty for the crash is added to that of the controller and to the 0.2.": [("B", 3)],
     },
     mistakes={
         "These are the sums of the rewards so far. Give the reward of each step alone.": (
             lambda: [np.cumsum(part) for part in rewards_by_hand.solution()]
-        ),
+        )
     },
     ask=step_of,
     call=lambda flight, step: f"Flight {flight}, step {step}",

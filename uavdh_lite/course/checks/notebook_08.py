@@ -28,16 +28,21 @@ def random_curves():
     rules={
         "The result is one of `steps`: from there on all values are at least the threshold, and "
         "the value before that is below it.": [
-            ([0.2, 0.9], 0.5), ([0.6, 0.4, 0.8], 0.5), ([0.1, 0.7, 0.8, 0.9], 0.6),
-            (RISES, 0.7), (RISES, 0.84), (RISES, 0.6, range(3, 11)),
+            ([0.2, 0.9], 0.5),
+            ([0.6, 0.4, 0.8], 0.5),
+            ([0.1, 0.7, 0.8, 0.9], 0.6),
+            (RISES, 0.7),
+            (RISES, 0.84),
+            (RISES, 0.6, range(3, 11)),
         ],
         "If no value is below the threshold, the result is the first validation, even at 0 "
-        "steps.": [
-            (RISES, 0.05), ([0.5], 0.1, [7]), ([0.3, 0.2, 0.9], 0, [0, 100, 200]),
-        ],
+        "steps.": [(RISES, 0.05), ([0.5], 0.1, [7]), ([0.3, 0.2, 0.9], 0, [0, 100, 200])],
         "If the last value is below the threshold, there is no such validation: return None. "
         "np.argmax of a condition that is nowhere true is 0, the first place.": [
-            (RISES, 0.95), (RISES, 0.88), ([0.5], 0.6), ([0.9, 0.8], 0.85),
+            (RISES, 0.95),
+            (RISES, 0.88),
+            ([0.5], 0.6),
+            ([0.9, 0.8], 0.85),
         ],
         "A value that equals the threshold has reached it: only a smaller one, by however little, "
         "is below it.": [(RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)],
@@ -86,13 +91,21 @@ def results(count, together, ahead=0.3, scale=1.0):
     rules={
         "With d = a − b of each pair, return the mean of d and the ends of the interval, 1.96 "
         "standard errors, d.std(ddof=1) / sqrt(n), to either side: (mean, low, high).": [
-            ([3.0, 5.0, 10.0], [1.0, 4.0, 2.0]), ([1.0, 4.0, 2.0], [3.0, 5.0, 10.0]),
-            ([9, 5], [1, 2]), (8, 1.0),
+            ([3.0, 5.0, 10.0], [1.0, 4.0, 2.0]),
+            ([1.0, 4.0, 2.0], [3.0, 5.0, 10.0]),
+            ([9, 5], [1, 2]),
+            (8, 1.0),
         ],
         "It must hold whether the two results go together or not, for few missions and for many. "
         "If all differences are equal, the interval has width 0.": [
-            (30, 2.0), (300, 0.5), (15, -0.7), (9, 0.0), (2, 3.0, 2.0), (40, 1.0, -2.0, 50.0),
-            (25, 1.0, 3.0, 0.001), ([4.0, 6.0, 11.0], [3.0, 5.0, 10.0]),
+            (30, 2.0),
+            (300, 0.5),
+            (15, -0.7),
+            (9, 0.0),
+            (2, 3.0, 2.0),
+            (40, 1.0, -2.0, 50.0),
+            (25, 1.0, 3.0, 0.001),
+            ([4.0, 6.0, 11.0], [3.0, 5.0, 10.0]),
         ],
     },
     mistakes={
@@ -132,22 +145,42 @@ def groups(a, b, parts=1):
         "Go through all splits, each once, without random draws and without a formula. p is the "
         "share of those whose difference of the means is at least as large as the observed one, in "
         "absolute value; the observed split is one of them.": [
-            ([1, 2, 3], [4, 5, 6]), ([1.5, 4], [0.25, 8]), ([1], [2]), (3, 3), (2, 2), (4, 4),
+            ([1, 2, 3], [4, 5, 6]),
+            ([1.5, 4], [0.25, 8]),
+            ([1], [2]),
+            (3, 3),
+            (2, 2),
+            (4, 4),
         ],
         "The groups may differ in size: the first group of each split is as large as a, and the "
         "difference is that of the means, not of sums.": [
-            ([7], [1, 2, 4]), ([1, 2, 4, 9], [3]), (2, 4), (4, 3), (3, 2), (3, 5), (1, 6),
+            ([7], [1, 2, 4]),
+            ([1, 2, 4, 9], [3]),
+            (2, 4),
+            (4, 3),
+            (3, 2),
+            (3, 5),
+            (1, 6),
             (7, 7),
         ],
         "Two equal values count as two: deal out positions, range(len(a) + len(b)), not values.": [
-            ([1.0, 1.0, 6.0], [2.0, 8.0]), ([1, 2, 2], [2, 5]), ([3, 3], [3, 3]),
-            ([0, 1, 1], [1, 0, 0]), ([5.0], [5.0, 5.0, 1.0]),
+            ([1.0, 1.0, 6.0], [2.0, 8.0]),
+            ([1, 2, 2], [2, 5]),
+            ([3, 3], [3, 3]),
+            ([0, 1, 1], [1, 0, 0]),
+            ([5.0], [5.0, 5.0, 1.0]),
         ],
         "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
         "All others count as different, by however little they differ.": [
-            ([0.5, 0.1], [0.4, 0.9, 0.2]), ([0.1, 0.7, 0.3], [0.2, 0.6, 0.4]),
-            (3, 4, 100), (4, 3, 100), (2, 5, 100), (3, 3, 100), (4, 4, 100),
-            ([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), ([0.5, 0.900001], [0.5, 0.9]),
+            ([0.5, 0.1], [0.4, 0.9, 0.2]),
+            ([0.1, 0.7, 0.3], [0.2, 0.6, 0.4]),
+            (3, 4, 100),
+            (4, 3, 100),
+            (2, 5, 100),
+            (3, 3, 100),
+            (4, 4, 100),
+            ([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]),
+            ([0.5, 0.900001], [0.5, 0.9]),
             ([100.0005], [50, 0]),
         ],
     },

@@ -38,11 +38,22 @@ def simple_low_end(landed, missions):
     rules={
         "Without a crash, all n missions land. Find the smallest n at which the low end of "
         "Wilson's interval reaches the share.": [
-            (0.99, 0), (0.9, 0), (0.5, 0), (0.2, 0), (0.999, 0),
+            (0.99, 0),
+            (0.9, 0),
+            (0.5, 0),
+            (0.2, 0),
+            (0.999, 0),
         ],
         "With crashes, n − crashes of n missions land, so n must begin above the number of "
         "crashes.": [
-            (0.99, 1), (0.9, 3), (0.95, 2), (0.5, 5), (0.2, 3), (0.998, 2), (0.97, 12), (0.05, 1),
+            (0.99, 1),
+            (0.9, 3),
+            (0.95, 2),
+            (0.5, 5),
+            (0.2, 3),
+            (0.998, 2),
+            (0.97, 12),
+            (0.05, 1),
             (0.999, 5),
         ],
     },

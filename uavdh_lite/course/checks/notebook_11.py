@@ -22,10 +22,15 @@ def draw_old_share(ax, old_share):
         "As long as nothing is overwritten, all items are there: the share is before / (before + "
         "after).": [(100, 30, 10), (100, 50, 50), (7, 1, 2)],
         "A full memory holds `capacity` items, and each new item overwrites the oldest.": [
-            (100, 100, 10), (50, 80, 20), (10, 1000, 3), (20, 15, 8),
+            (100, 100, 10),
+            (50, 80, 20),
+            (10, 1000, 3),
+            (20, 15, 8),
         ],
         "Once `capacity` items have come after the change, nothing old is left, then or later.": [
-            (10, 30, 10), (10, 30, 11), (10, 5, 400),
+            (10, 30, 10),
+            (10, 30, 11),
+            (10, 5, 400),
         ],
         "If nothing has been added after the change, everything is old.": [(10, 30, 0), (10, 3, 0)],
     },
@@ -61,13 +66,15 @@ def drawn(error, floor, size=abs, weight=np.reciprocal):
     "11.2 · Prioritised replay (2 points, 12 minutes)",
     rules={
         "If all errors are equally large, each step is drawn with probability 1/N, with weight "
-        "1.": [
-            ([2.0, 2.0, -2.0, 2.0], 0.5), ([7], 1.0), ([0, 0, 0], 0.1),
-        ],
+        "1.": [([2.0, 2.0, -2.0, 2.0], 0.5), ([7], 1.0), ([0, 0, 0], 0.1)],
         "A step is drawn in proportion to the size of its error plus the floor, and the "
         "probabilities add up to 1. Its weight is in proportion to one over its probability, so "
         "that probability times weight is the same for all steps; the largest weight is 1.": [
-            ([3.0, 1.0, 0.0], 1.0), ([3, -1, 0], 1), ([-5.0, 5.0, 0.5], 0.01), (5, 0.2), (40, 1.5),
+            ([3.0, 1.0, 0.0], 1.0),
+            ([3, -1, 0], 1),
+            ([-5.0, 5.0, 0.5], 0.01),
+            (5, 0.2),
+            (40, 1.5),
             (7, 10.0),
         ],
     },

@@ -26,21 +26,34 @@ def situation(name, cell, time_left):
     rules={
         "An action fits if it, the way home after it and the landing take at most time_left units. "
         "That also goes for `land` outside the zone, which is the same as hovering.": [
-            (CITY, [9], [3]), (CITY, [9], [4]), (CITY, [9], [5]), (CITY, [9], [6]),
-            (CITY, [9], [9]), (CITY, [8], [3]), (CITY, [4, 14, 2], [4, 6, 3]),
+            (CITY, [9], [3]),
+            (CITY, [9], [4]),
+            (CITY, [9], [5]),
+            (CITY, [9], [6]),
+            (CITY, [9], [9]),
+            (CITY, [8], [3]),
+            (CITY, [4, 14, 2], [4, 6, 3]),
         ],
         "Landing at once always fits, but only in the zone: elsewhere `land` is no landing, and "
         "costs a unit of time, as hovering does.": [
-            (CITY, [0], [1]), (CITY, [0], [2]), (CITY, [0], [3]),
-            (CITY, [1], [1]), (CITY, [1], [2]), (CITY, [1], [3]),
+            (CITY, [0], [1]),
+            (CITY, [0], [2]),
+            (CITY, [0], [3]),
+            (CITY, [1], [1]),
+            (CITY, [1], [2]),
+            (CITY, [1], [3]),
             (CITY, [0, 1, 0], [1, 1, 2]),
         ],
         "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
-            (CITY, [7], [3]), (CITY, [7, 0], [10**6, 10**6]),
+            (CITY, [7], [3]),
+            (CITY, [7, 0], [10**6, 10**6]),
         ],
         "The mask must be right for all UAVs of a batch, each with its own time, in any city. A "
         "column of times is time_left[:, None].": [
-            (CITY, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4),
+            (CITY, 30, 4),
+            ("village", 1, 4),
+            ("village", 6, 4),
+            ("village", 40, 4),
             (CITY[::-1], 12, 4),
         ],
     },
@@ -82,17 +95,26 @@ def one_device(rate, left):
     "12.2 · What a cell really brings (2 points, 15 minutes)",
     rules={
         "A single device sends its rate in each of the four slots, until it has nothing left.": [
-            links(1, 2, 100.0), links(1, 3, 1000), links(1, 2, 5.0), links(1, 3, 0.0),
+            links(1, 2, 100.0),
+            links(1, 3, 1000),
+            links(1, 2, 5.0),
+            links(1, 3, 0.0),
             links(1, 4, 9.5),
         ],
         "In every slot the loudest of those with data left sends alone. As long as it has data, "
         "the others wait, however much they hold.": [
-            links(2, 2, 100.0, 100.0), links(3, 2, 100.0, 40.0, 70), links(3, 2, 0, 0, 0),
+            links(2, 2, 100.0, 100.0),
+            links(3, 2, 100.0, 40.0, 70),
+            links(3, 2, 0, 0, 0),
         ],
         "A device that has become empty leaves the next slots to the others; what it does not use "
         "of its last one is lost. Each cell begins with the data that was given.": [
-            links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0), links(4, 4, 0.0, 2.0, 11.0, 6.0),
-            links(5, 5, 1, 20, 3, 14, 8), links(3, 3, 7.5, 30.0, 30.0), links(2, 4, 0.5, 0.25),
+            links(2, 2, 3.0, 100.0),
+            links(3, 3, 4.0, 9.0, 30.0),
+            links(4, 4, 0.0, 2.0, 11.0, 6.0),
+            links(5, 5, 1, 20, 3, 14, 8),
+            links(3, 3, 7.5, 30.0, 30.0),
+            links(2, 4, 0.5, 0.25),
         ],
     },
     mistakes={

@@ -19,9 +19,7 @@ def numbered(channels, side, *asked):
         ],
         "Turn the last two axes to the left: what was in the north comes to the west, and what was "
         "in the west to the south. A turn takes 1 from the number of a move; below 0 it wraps "
-        "round to 3.": [
-            (1, 2, action, turns, False) for turns in (1, 2, 3) for action in range(4)
-        ],
+        "round to 3.": [(1, 2, action, turns, False) for turns in (1, 2, 3) for action in range(4)],
         "A mirror image swaps left and right: east and west change places, north and south stay.": [
             (2, 3, action, 0, True) for action in range(4)
         ],
@@ -29,7 +27,10 @@ def numbered(channels, side, *asked):
             (3, 3, action, turns, True) for turns in (1, 2, 3) for action in range(4)
         ],
         "Hover and land are the same on every map.": [
-            (1, 3, 4, 1, False), (1, 3, 5, 0, True), (1, 3, 4, 3, True), (1, 3, 5, 3, False),
+            (1, 3, 4, 1, False),
+            (1, 3, 5, 0, True),
+            (1, 3, 4, 3, True),
+            (1, 3, 5, 3, False),
         ],
     },
     mistakes={
@@ -79,22 +80,19 @@ def missions(values, city):
     rules={
         "Subtract the mean from the values, add up the differences in each city, and square these "
         "sums. Multiply their total by C/(C − 1), take its square root, and multiply that by t / "
-        "N.": [
-            ([4.0, 6, 1, 1], [0, 0, 1, 1]), ([3, 3, 3], range(3)), ([4] * 6, range(6)),
-        ],
+        "N.": [([4.0, 6, 1, 1], [0, 0, 1, 1]), ([3, 3, 3], range(3)), ([4] * 6, range(6))],
         "Cities may have different numbers of missions. The mean is that of all N missions, not of "
         "the cities' means.": [([1, 3], [0, 1]), ([5, 1, 2, 9], [0, 1, 2, 3])],
         "The cities' numbers are names: any ints, in any order. C is the number of different "
-        "ones.": [
-            ([2, 3], [7, 4]), ([2, 5, 1], [-1, -2, 10**6]), ([1] * 4, range(4)),
-        ],
+        "ones.": [([2, 3], [7, 4]), ([2, 5, 1], [-1, -2, 10**6]), ([1] * 4, range(4))],
         "Values may be whole numbers or Booleans, too, such as whether each UAV landed.": [
-            ([3, 4, 4, 9, 1], [1, 1, 0, 0, 2]), ([True, True, False, True], [5, 5, 0, 0]),
+            ([3, 4, 4, 9, 1], [1, 1, 0, 0, 2]),
+            ([True, True, False, True], [5, 5, 0, 0]),
         ],
     },
     mistakes={
         "That is the usual interval, as if all missions were independent: add up the differences "
-        "of a city before you square them.": usual,
+        "of a city before you square them.": usual
     },
     case=missions,
 )

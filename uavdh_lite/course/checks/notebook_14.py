@@ -30,14 +30,22 @@ def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
     rules={
         "Subtract the mean first. ρ at a distance is the mean product of all pairs that are that "
         "many cells apart, divided by the mean square of all values.": [
-            ([4, 4, -4, -4], 0), ([9, 8, 4, 3, -2, -5, -8, -9], 0),
+            ([4, 4, -4, -4], 0),
+            ([9, 8, 4, 3, -2, -5, -8, -9], 0),
             ([6.5, 7, 3, 1, 1.5, 2], 0),
         ],
         "The result is the first distance at which ρ is below 1/e, in metres, however far away it "
         "is. A ρ below 0 is below 1/e, too.": [
-            ([3, -3], 0), (list(range(-100, 101)), 1),
-            (12, 0.9), (20, 0.8, 5), (40, 0.95, 2.5), (60, 0.6), (90, 0.9, 7.125), (150, 0.97),
-            (30, 0.0), (80, -0.8, 1),
+            ([3, -3], 0),
+            (list(range(-100, 101)), 1),
+            (12, 0.9),
+            (20, 0.8, 5),
+            (40, 0.95, 2.5),
+            (60, 0.6),
+            (90, 0.9, 7.125),
+            (150, 0.97),
+            (30, 0.0),
+            (80, -0.8, 1),
         ],
     },
     mistakes={
@@ -71,7 +79,9 @@ def prior(line_db, heard_db, weight):
     rules={
         "Add to the line the weighted sum of the errors, heard − line, divided by 1 + the "
         "sum of the weights.": [
-            ([-10], [-20], [1]), ([-10], [-20, -30], [1, 0.5]), ([3], [5, 1, 9], [0.2, 1, 0.6]),
+            ([-10], [-20], [1]),
+            ([-10], [-20, -30], [1, 0.5]),
+            ([3], [5, 1, 9], [0.2, 1, 0.6]),
         ],
         "If nothing was heard nearby, believe the line.": [([-7.5], [], []), ([-7.5], [4], [0])],
         "Many measurements outweigh the line.": [([0], [-15] * 50, [1] * 50)],
