@@ -1,5 +1,7 @@
 """Slides and figures from a notebook, and the folder that students get."""
 
+import base64
+import re
 import sys
 import tomllib
 import zipfile
@@ -12,66 +14,86 @@ import pytest
 
 from uavdh_lite.checkpoint import shipped_agents
 
-SCRIPT = """# %% [markdown]
-# # 9 · A test
-#
-# **What is seen?** A line, as one knows it. And more.
+PROSE = (
+    """# 9 · A test
 
-# %%
-# The first cell begins with a comment, which is no heading
+**What is seen?** A line.
+""",
+    """Look at [the line](../docs/index.md). The line **rises**. It is straight.
 
-# %%
-# %matplotlib inline
-from matplotlib.figure import Figure
-figure = Figure(figsize=(2, 1))
-figure.subplots().plot([0, 1])
-figure
+## 9.1 Words
 
-# %% [markdown]
-# Look at [the line](../docs/index.md). The line **rises**. It is straight.
-#
-# ## 9.1 Words alone
-#
-# One sentence. Another with $x^2$. A third. A fourth.
-#
-# | a | table |
-# | --- | --- |
+One sentence. Another with $x^2$.
 
-# %%
-# a comment, which is no heading
-1 + 1
+$$y = x$$
 
-# %% [markdown]
-# ## Recap
-#
-# - It rises.
-#
-# ## Exercises
-#
-# Some.
-"""
+<details><summary>Folded</summary>
+
+Hidden.
+</details>
+""",
+    """## Recap
+
+- It rises. It does.
+
+## Exercises
+
+Some.
+""",
+)
+PICTURE = base64.b64encode(b"\x89PNG").decode()
 
 
-def test_a_slide_is_a_section_with_its_figure_and_the_sentence_about_it(tmp_path, monkeypatch):
-    script = tmp_path / "09_test.py"
-    script.write_text(SCRIPT)
-    monkeypatch.setattr(lecture, "HERE", tmp_path)
-    notebook = lecture.executed(script)
-    slides = lecture.slides_of(notebook)
-    assert [(heading, text, bool(data)) for heading, text, data in slides] == [
-        ("9 · A test", "What is seen? A line, as one knows it.", True),
-        ("9.1 Words alone", "One sentence. Another with $x^2$. A third.", False),
-        ("Recap", "\n- It rises.\n\n", False),
+def a_notebook():
+    new, shown = nbformat.v4, {"image/png": PICTURE}
+    code = new.new_code_cell("draw()", outputs=[new.new_output("display_data", shown)])
+    said = new.new_code_cell("print(1)", outputs=[new.new_output("stream", text="1\n")])
+    said.metadata.tags = ["slide-code"]
+    left_out = new.new_code_cell("print(2)", outputs=[new.new_output("stream", text="2\n")])
+    left_out.metadata.tags = ["no-slide"]
+    first, second, last = map(new.new_markdown_cell, PROSE)
+    return new.new_notebook(cells=[first, code, second, said, left_out, last])
+
+
+def test_a_slide_has_a_section_s_formulas_terms_and_outputs_and_its_prose_in_the_notes():
+    slides = lecture.slides_of(a_notebook())
+    assert slides.metadata.title == "9 · A test"
+    shown = [
+        (cell.metadata.slideshow.slide_type, cell.source) if "slideshow" in cell.metadata else cell
+        for cell in slides.cells
     ]
-    for name in ("slides", "figures"):
-        (tmp_path / name).mkdir()
-    (figure,) = lecture.write(notebook, "09_test", tmp_path, "draw()")
-    assert figure[0] == "09_test-1" and "<svg" in (tmp_path / "figures/09_test-1.svg").read_text()
-    assert (tmp_path / "figures/09_test-1.png").read_bytes().startswith(b"\x89PNG")
+    kinds = [one[0] for one in shown if isinstance(one, tuple)]
+    assert kinds.count("slide") == 3 and kinds.count("notes") == 4
+    text = [one[1] for one in shown if isinstance(one, tuple) and one[0] != "notes"]
+    assert "**What is seen?**" in text[0] and "- The line **rises**." in text[1]
+    assert "$$y = x$$" in text[2] and "Hidden" not in text[2]
+    assert text[3] == "```python\nprint(1)\n```" and "- It rises. It does." in text[4]
+    outputs = [o for cell in slides.cells for o in cell.get("outputs", ())]
+    assert len(outputs) == 2 and not any("Some." in source for source in text)
+
+
+def test_a_deck_is_one_file_that_loads_nothing(tmp_path, monkeypatch, capsys):
+    script = tmp_path / "09_test.py"
+    nbformat.write(a_notebook(), tmp_path / "09_test.ipynb")
+    monkeypatch.setattr(lecture, "scripts", lambda: [script])
+    monkeypatch.setattr(lecture, "notebook_of", lambda script: script.with_suffix(".ipynb"))
+    monkeypatch.setattr(sys, "argv", ["lecture.py", str(tmp_path), "09"])
+    lecture.main()
     page = (tmp_path / "slides" / "09_test.html").read_text()
-    assert "<script>draw()</script>" in page and "src=" not in page.replace('src="data:', "")
-    assert page.count("<section") == 3 and "<li>It rises.</li>" in page
-    assert '<img alt="What is seen? A line, as one knows it." src="data:image/png' in page
+    assert capsys.readouterr().out == "09_test: 3 slides, 1 figures\n"
+    html = re.sub("(?s)<script>.*?</script>", "", page)
+    assert not re.search(r"src=.(?!data:)|<link", html) and 'alt="Look at the line."' in html
+    assert "Reveal.initialize" in page and "MathJax" in page and '<aside class="notes">' in page
+    assert "draw()" not in page and f"data:image/png;base64,{PICTURE}" in page
+    assert (tmp_path / "figures" / "09_test-1.png").read_bytes() == b"\x89PNG"
+
+
+@pytest.mark.parametrize("number", lecture.COURSE)
+def test_there_are_slides_enough_for_a_lecture_and_not_too_many(number):
+    (script,) = (script for script in execute.scripts() if script.name[:2] == number)
+    slides = lecture.slides_of(nbformat.read(execute.notebook_of(script), as_version=4))
+    kinds = [c.metadata.get("slideshow", {}).get("slide_type") for c in slides.cells]
+    assert 8 <= kinds.count("slide") <= 20
 
 
 def test_what_is_missing_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch, capsys):
