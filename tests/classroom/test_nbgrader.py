@@ -1,6 +1,7 @@
 """A class through our commands and nbgrader's: handed in, looked through, graded, given back."""
 
 import csv
+import html
 import json
 import os
 import shutil
@@ -108,10 +109,17 @@ def helped(notebook):
     return notebook
 
 
-def stamped(notebook):
-    """Right only where grading would begin with this one again if it were stopped here."""
-    source = "from pathlib import Path\nsoon = Path('timestamp.txt').read_text()[:4] == '1970'"
-    return with_cell(notebook, source, _1_2=f"{SOLVED['1.2']} * soon")
+def broken_import(notebook):
+    """In the first cell, whose other lines everything needs."""
+    solved(notebook, _1_2="return nlos_distance_m ** math.prod([3.64, 1 / 2.27])")
+    setup = next(c for c in notebook.cells if c.source.startswith("%matplotlib"))
+    setup.source = f"import a_package_that_nobody_has\nimport math\n{setup.source}"
+    return notebook
+
+
+def with_outputs(notebook):
+    answer(solved(notebook), "1.1").outputs = [{"output_type": "what is this", "text": "x" * 9999}]
+    return notebook
 
 
 # What each student made of the notebook, the points for it, and what is said before it is graded
@@ -132,11 +140,14 @@ STUDENTS = {
     "noisy": (noisy, [1, 2, 2], None),
     "asks": (lambda n: solved(n, _1_2="return float(input())"), [1, 0, 2], None),
     "edited_check": (edited_check, [1, 0, 2], "the check of 1.2 was edited: restored"),
-    "fake": (lambda n: with_cell(n, FAKE, _1_2=WRONG), [1, 0, 2], "`checks` for more than"),
-    "patches": (lambda n: with_cell(n, PATCH, _1_2=WRONG), [1, 0, 2], "for more than checking"),
-    "takes": (takes_a_solution, [1, 0, 2], "answer to 1.2 uses `checks` for more than checking"),
+    "fake": (lambda n: with_cell(n, FAKE, _1_2=WRONG), [1, 0, 2], "in place of a check"),
+    "patches": (lambda n: with_cell(n, PATCH, _1_2=WRONG), [1, 0, 2], "reads a solution"),
+    "takes": (takes_a_solution, [1, 0, 2], "answer to 1.2 reads a solution"),
     "helped": (helped, [1, 2, 2], None),
-    "stamped": (stamped, [1, 2, 2], None),
+    "import": (broken_import, [1, 2, 2], None),
+    "heading": (lambda n: with_cell(n, "course = 'Radio'\n%time x = 1"), [1, 2, 2], None),
+    "parameter": (lambda n: with_cell(n, "def f(checks): return checks.eval()"), [1, 2, 2], None),
+    "odd_outputs": (with_outputs, [1, 2, 2], None),
 }  # fmt: skip
 OTHER = NOTEBOOKS / "exercises/02_shadow_ray_tracing/02_shadow_ray_tracing.ipynb"
 FILES = {  # what others handed in instead of a notebook under its name
@@ -190,7 +201,8 @@ def looked_through(tmp_path):
 def test_what_is_odd_is_named_and_nothing_else(looked_through):
     assert {*looked_through} == {*NOTES}
     for student, note in NOTES.items():
-        said = " / ".join(looked_through[student].notes)
+        sheet = looked_through[student]
+        said = " / ".join(sheet.notes + sheet.private)
         assert note in said if note else not said, (student, said)
 
 
@@ -211,10 +223,8 @@ def test_all_that_was_answered_is_in_the_copy_and_what_was_handed_in_is_as_it_wa
             f"{kind}{n.replace('.', '-')}" for n in numbers for kind in ("", "check-")
         ]
         text = "\n".join(cell.source for cell in copy.cells)
-        for note in sheet.notes:  # a student does not learn another one's name
-            assert note.replace("as twin_too", "as").replace("as twin", "as") in text
-        assert ("as another student's" in text) == sheet.student.startswith("twin")
-        assert "as twin" not in text
+        assert all(html.escape(note) in text for note in sheet.notes)
+        assert not any(note in text for note in sheet.private)  # nobody has judged that yet
         if POINTS[sheet.student][0]:
             assert SOLVED["1.1"] in text
     assert before == {p: p.read_bytes() for p in (tmp_path / "submitted").rglob("*") if p.is_file()}
@@ -223,32 +233,28 @@ def test_all_that_was_answered_is_in_the_copy_and_what_was_handed_in_is_as_it_wa
 @pytest.mark.parametrize(
     ("source", "odd"),
     [
-        ("checks.rate_from_snr(rate)", None),
-        ("from uavdh_lite.course import checks", None),
-        ("print('the checks pass. Good')", None),
-        ("rate = checks.rate_from_snr.solution", "checks"),
-        ("checks = 1", "checks"),
-        ("def checks(): pass", "checks"),
-        ("import math as checks", "checks"),
-        ("from uavdh_lite.course.checks.notebook_01 import rate_from_snr", "checks"),
-        ("import uavdh_lite.course.checks.notebook_01 as n", "checks"),
-        ("from uavdh_lite import course", "course"),
-        ("import uavdh_lite as u; u.course", "course"),
-        ("__import__('uavdh_lite.course.checks')", "checks"),
-        ("getattr(checks, 'rate_from_snr')", "checks"),
-        ("%matplotlib inline\nx = 1", None),
-        ("!pip list", "get_ipython"),
-        ("x = eval('1')", "eval"),
+        *(
+            (source, None)
+            for source in ("checks.rate_from_snr(rate)", "course = 1", "model.eval()")
+        ),
+        *((source, None) for source in ("%%time\nx = 1", "!pip list", "def f(checks): pass")),
+        ("rate = checks.rate_from_snr.solution", "reads"),
+        ("x = checks.EXERCISES['rate_from_snr'].solution", "reads"),
+        ("from uavdh_lite.course.checks.notebook_01 import rate_from_snr", "reads"),
+        ("open('uavdh_lite/course/checks/notebook_01.py')", "reads"),
+        *(
+            (source, "puts")
+            for source in ("checks = 1", "def checks(): pass", "class checks: x = 1")
+        ),
+        *((source, "puts") for source in ("import math as checks", "checks.rate_from_snr = print")),
+        ("return (", "cannot be read"),
     ],
 )
-def test_what_uses_the_checks_for_more_than_to_check_does_not_count(source, odd):
+def test_only_solutions_and_shadowed_checks_are_told(source, odd):
     sheet = handed_in.Sheet("one")
-    honest = handed_in._is_honest(nbformat.v4.new_code_cell(source), sheet, "it", ())
-    assert honest == (odd not in ("checks", "course"))
-    assert (f"uses `{odd}`" in sheet.notes[0]) if odd else not sheet.notes
-    cell = nbformat.v4.new_code_cell(f"{source}\nx = 2")
-    given = {*handed_in._statements(source)}  # what stands in the release is nobody's trick
-    assert handed_in._is_honest(cell, handed_in.Sheet("one"), "it", given)
+    handed_in._look_at(source, "it", sheet)
+    assert (odd in (sheet.notes + sheet.private)[0]) if odd else not sheet.notes + sheet.private
+    assert bool(sheet.notes) == (odd == "cannot be read")
 
 
 def test_moodle_s_zip_comes_in_and_the_feedback_goes_back(tmp_path, capsys):
@@ -448,8 +454,8 @@ def course(tmp_path_factory):
     """The commands of the guide, for the whole class."""
     root = tmp_path_factory.mktemp("course")
     config = (NOTEBOOKS / "nbgrader_config.py").read_text()
-    assert "timeout = 180" in config
-    (root / "nbgrader_config.py").write_text(config.replace("timeout = 180", "timeout = 25"))
+    assert "Integer(180" in config
+    (root / "nbgrader_config.py").write_text(config.replace("Integer(180", "Integer(25"))
     shutil.copytree(NOTEBOOKS / "solutions" / ASSIGNMENT, root / "solutions" / ASSIGNMENT)
     nbgrader(root, "generate_assignment", "--force", ASSIGNMENT)
     hand_in(root)

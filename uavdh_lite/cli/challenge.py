@@ -43,6 +43,7 @@ def score(
     scenario: str | None = None,
     seconds: Annotated[float, Parameter(validator=Number(gt=0, lte=86_400))] = 300,
     name: str | None = None,
+    unprotected: bool = False,
 ) -> None:
     """Fly submissions and print their scores.
 
@@ -50,14 +51,15 @@ def score(
     as in alice/my_policy.
 
     Arguments:
-        submission: random, greedy, genie, a shipped agent's name, a checkpoint, or a Python file
-            with policy(environment, state).
+        submission: random, greedy, genie, a shipped agent's name, a checkpoint, a Python file with
+            policy(environment, state), or a folder with such a policy.py. It can read nothing else.
         submissions: more of them.
         secret: the file that challenge new made.
         leaderboard: a file to enter the scores in.
         scenario: the practice set's preset, by default manhattan; a secret has its own.
         seconds: time limit of a submission.
         name: the name to enter one submission under; it may replace a score of that name.
+        unprotected: run it without walls, with all that you may do: for code that you have read.
     """
     if secret and scenario is not None:
         raise InputError("--scenario is that of the practice set: --secret has its own")
@@ -72,7 +74,7 @@ def score(
     with opened(leaderboard, flown) if leaderboard else kept as board:
         for path in every:
             with _terminated_as_interrupted():
-                result = flown_score(flown, path, seconds, name)
+                result = flown_score(flown, path, seconds, name, unprotected)
             called = result["name"]
             if result["failed"]:
                 print(f"{called}: failed: {result['failed']}")

@@ -26,7 +26,7 @@ def collect(archive: Path, assignment: str, /, *, course: Path = COURSE) -> None
     """
     students, odd = handed_in.collect(archive, course, assignment)
     for note in odd + [f"{who} handed in again" for who in students if "again" in students[who]]:
-        print("-", one_line(note))
+        print(f"- {one_line(note)}")
     states = ", ".join(f"{n} {state}" for state, n in Counter(students.values()).items())
     print(f"{course / 'submitted'}: {assignment} of {len(students)} students: {states}")
 
@@ -46,9 +46,9 @@ def check(assignment: str, /, *, course: Path = COURSE) -> None:
     for sheet in sheets:
         answered = "no sheet" if sheet.missing else f"{sheet.answered} of {sheet.of} answered"
         print(f"{one_line(sheet.student):<{width}}  {answered}")
-        for note in sheet.notes:
+        for note in sheet.notes + [f"{note} (for you alone)" for note in sheet.private]:
             print(f"{'':<{width}}  - {one_line(note)}")
-    odd = sum(bool(sheet.notes) for sheet in sheets)
+    odd = sum(bool(sheet.notes + sheet.private) for sheet in sheets)
     aside = sum(sheet.notebook is None for sheet in sheets)
     print(f"{len(sheets)} students, {odd} with notes, {aside} without anything to grade")
     if not handed_in.is_in_grade_book(course, assignment):

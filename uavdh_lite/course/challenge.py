@@ -1,20 +1,12 @@
 """A competition for a class: hidden missions, what a submission scores on them, a leaderboard.
 
-A submission flies in a process of its own, in an empty folder, which gets states and gives actions.
-The missions' seed, the fading, the score and the board stay in this process, out of its reach. Yet
-it runs as the user who started it and may do whatever that user may, so run code of strangers in a
-container.
+A submission flies within walls, where it gets states and gives actions. The missions' seed, the
+fading, the score and the board stay in this process, out of its reach.
 """
 
-import io
 import json
 import os
-import runpy
 import secrets
-import subprocess
-import sys
-import tempfile
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -26,18 +18,17 @@ from typing import Any
 import numpy as np
 from filelock import FileLock
 
-from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import load_city
+from uavdh_lite.course.walls import Lost, Walled
 from uavdh_lite.environment import Environment, State, checked_actions
 from uavdh_lite.errors import InputError, one_line
-from uavdh_lite.evaluation import FunctionPolicy, Policy, evaluate
-from uavdh_lite.policies import find_policy, known_policies
+from uavdh_lite.evaluation import Policy, evaluate
+from uavdh_lite.policies import known_policies
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json
 from uavdh_lite.streams import Use
 
 SCORED = ("collected_and_landed", "landed", "return")
-KEPT = 4096  # bytes of what a submission prints: the end, which says why it failed
 
 
 @dataclass(frozen=True)
@@ -94,149 +85,94 @@ class Challenge:
 
 
 def entry_name(submission: str, name: str | None = None) -> str:
-    """The name of a submission on a board: `name`, or folder and file as in "alice/my_policy".
+    """The name of a submission on a board: `name`, or "alice" for a folder, "alice/my_policy" for
+    a file.
 
-    A planner or shipped agent keeps its own. Raises `InputError` if there is no such submission,
-    or a file is to have a planner's or agent's name or one that cannot be printed.
+    A planner or shipped agent keeps its own. Raises `InputError` if there is no such submission, if
+    it is a link, or if a file is to have a planner's or agent's name or one that cannot be printed.
     """
-    known = known_policies()
-    if submission not in known and not Path(submission).is_file():
-        raise InputError(f"submission {submission}: no such file, planner or shipped agent")
+    known, path = known_policies(), Path(submission)
     if submission in known and name is None:
         return submission
-    place = Path(submission).resolve()
-    name = f"{place.parent.name}/{place.stem}" if name is None else name
+    if submission not in known and not (path.is_file() or (path / "policy.py").is_file()):
+        raise InputError(
+            f"submission {submission}: no such file, folder with policy.py, planner or agent"
+        )
+    if path.is_symlink():
+        raise InputError(f"submission {submission}: is a link; score what it leads to")
+    place = path.resolve()
+    if name is None:
+        name = place.name if place.is_dir() else f"{place.parent.name}/{place.stem}"
     if name in known or not name.strip() or not name.isprintable():
         raise InputError(f"name {name!r}: must be printable, and not that of a planner or an agent")
     return name
 
 
 class _Pilot(Policy):
-    """Asks a submission's process for each action: states go in, a byte an episode comes out."""
+    """Asks a submission for each action: a state goes in, numbers come out."""
 
-    def __init__(self, process: subprocess.Popen):
-        self.process = process
+    def __init__(self, walled: Walled):
+        self.walled = walled
 
     def act(self, state: State) -> np.ndarray:
-        buffer = io.BytesIO()
-        np.savez(buffer, **vars(state))  # type: ignore[arg-type]
-        question = buffer.getvalue()
-        self.process.stdin.write(len(question).to_bytes(8, "big") + question)  # type: ignore[union-attr]
-        self.process.stdin.flush()  # type: ignore[union-attr]
-        answer = np.frombuffer(self.process.stdout.read(len(state)), np.uint8)  # type: ignore[union-attr]
-        if len(answer) < len(state):
-            raise EOFError
-        return answer
+        return checked_actions(self.walled.call(state), len(state))
 
 
 def score(
-    challenge: Challenge, submission: str, seconds: float = 300, name: str | None = None
+    challenge: Challenge,
+    submission: str,
+    seconds: float = 300,
+    name: str | None = None,
+    unprotected: bool = False,
 ) -> dict:
     """What a submission scores: each of `SCORED` as mean, low and high, or why it failed.
 
     Arguments:
-        submission: a known policy's name, a checkpoint, or a Python file with
-            `policy(environment, state)`, which may import files beside it. Its working folder is
-            an empty one.
-        seconds: limit of time for its process, from its start to the last landing.
+        submission: a known policy's name, a checkpoint, a Python file with
+            `policy(environment, state)`, or a folder with such a `policy.py`. It can read nothing
+            but this file or folder.
+        seconds: limit of time, from its start to the last landing.
         name: see `entry_name`.
+        unprotected: see `walls.Walled`.
     """
     outcome: dict[str, Any] = {}
-    started, said = time.time(), bytearray()
-    result = {"name": entry_name(submission, name), "file": None, "failed": None}
-    if submission not in known_policies():
-        result["file"] = submission = str(Path(submission).resolve())
+    started = time.time()
+    known = submission in known_policies()
+    sheet = None if known else Path(submission).resolve()
+    result = {"name": entry_name(submission, name), "file": sheet and str(sheet), "failed": None}
     scenario = find_scenario(challenge.scenario)
     environment = Environment(load_city(scenario.city), scenario.channel)
-    own = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
-    process = subprocess.Popen(
-        [sys.executable, "-m", __name__, submission, challenge.scenario, own.name],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
-
-    def listen() -> None:
-        with process.stderr as stream:  # type: ignore[union-attr]
-            while part := stream.read1(KEPT):  # type: ignore[union-attr]
-                said.extend(part)
-                del said[:-KEPT]
-
-    def fly() -> None:
-        missions = scenario, challenge.episodes, challenge.seed, Use.CHALLENGE
+    missions = scenario, challenge.episodes, challenge.seed, Use.CHALLENGE
+    with Walled(sheet, unprotected=unprotected) as walled:
+        walled.begin(seconds)
         try:
-            with process.stdout, process.stdin:  # type: ignore[union-attr]
-                metrics = evaluate(environment, _Pilot(process), *missions).metrics()
-            outcome.update({one: list(metrics[one]) for one in SCORED})
-        except (EOFError, OSError):
-            outcome["failed"] = ""  # it has ended: what it said last is the reason
+            walled.load(str(walled.sheet or submission), challenge.scenario)
+            metrics = evaluate(environment, _Pilot(walled), *missions).metrics()
+            outcome = {one: list(metrics[one]) for one in SCORED}
+        except Lost as lost:
+            last = walled.said.decode(errors="replace").strip().split("\n")[-1][:300]
+            outcome["failed"] = f"gave no answer: {lost}{'. ' * bool(last)}{last}"
+        except KeyboardInterrupt as stopped:
+            if not hasattr(stopped, "where"):  # Ctrl-C
+                raise
+            outcome["failed"] = f"took more than {seconds:g} s"
         except InputError as error:
             outcome["failed"] = str(error)
         except Exception as error:  # one submission's affair: the others are scored
             outcome["failed"] = f"{type(error).__name__}: {error}"
-
-    # Threads that nobody has to wait for: a pipe may stay open in what a submission has started
-    listener, pilot = (threading.Thread(target=work, daemon=True) for work in (listen, fly))
-    try:
-        listener.start()
-        pilot.start()
-        ends = time.monotonic() + seconds
-        while pilot.is_alive() and process.poll() is None and time.monotonic() < ends:
-            pilot.join(min(0.1, seconds))
-        if ended := process.poll() is not None:
-            pilot.join(5)  # for what is left in the pipe, if no other process keeps that open
-        unfinished = pilot.is_alive()
-    finally:  # also after Ctrl-C
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, 9) if hasattr(os, "killpg") else process.kill()
-        process.wait()
-        own.cleanup()
-    listener.join(1)
-    if unfinished:
-        outcome = {"failed": "" if ended else f"took more than {seconds:g} s"}
-    if outcome.get("failed") == "":
-        last = said.decode(errors="replace").strip().split("\n")[-1][:300]
-        outcome["failed"] = last or "gave no answer"
+        if walled.late:
+            outcome = {"failed": f"took more than {seconds:g} s"}
     if "failed" in outcome:
         outcome["failed"] = one_line(outcome["failed"])
     taken = round(time.time() - started, 1)
     return {**result, **outcome, "when": time.ctime(started), "seconds": taken}
 
 
-def _serve(submission: str, scenario: str, folder: str) -> None:
-    """What the process of a submission does: answer each state with actions until nobody asks."""
-    os.chdir(folder)  # here, because the package itself may be found by the folder before
-    questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # what it reads and prints is its own affair
-    os.dup2(2, 1)
-    environment = Environment(load_city(find_scenario(scenario).city))
-    if submission in known_policies():
-        policy = find_policy(submission, environment)
-    elif submission.lower().endswith(".py"):
-        sys.path.insert(0, str(Path(submission).resolve().parent))  # as `python FILE` has it
-        function = runpy.run_path(submission).get("policy")
-        if not callable(function):
-            raise InputError(f"{submission} has no function policy(environment, state)")
-        policy = FunctionPolicy(lambda state: function(environment, state))
-    else:
-        policy = load_agent(submission).over(environment.cities)
-    flying: Policy | None = None
-    while size := questions.read(8):
-        content = io.BytesIO(questions.read(int.from_bytes(size, "big")))
-        with np.load(content, allow_pickle=False) as arrays:
-            state = State(**arrays)
-        flying = flying or policy.begin(state)
-        answers.write(checked_actions(flying.act(state), len(state)).astype(np.uint8).tobytes())
-        answers.flush()
-
-
 @contextmanager
 def opened(path: Path, challenge: Challenge) -> Iterator[dict]:
     """The leaderboard in a file, or an empty one; `InputError` if it is another challenge's.
 
-    It is read here and never again, and written once more in the end, because a submission that
-    flies meanwhile may write the file. Processes that open one file at once wait for each other.
+    Processes that open one file at once wait for each other.
     """
     empty = {"scenario": challenge.scenario, "episodes": challenge.episodes}
     empty |= {"fingerprint": challenge.fingerprint, "scores": {}, "failures": []}  # no seed
@@ -244,11 +180,7 @@ def opened(path: Path, challenge: Challenge) -> Iterator[dict]:
         board = _board(path) if path.exists() else empty
         if board["fingerprint"] != challenge.fingerprint:
             raise InputError(f"{path} is the board of another challenge: take another")
-        try:
-            yield board
-        finally:  # also after Ctrl-C
-            if board["scores"] or board["failures"]:
-                write_json(path, board)
+        yield board
 
 
 def enter(path: Path, board: dict, score: dict, replace: bool = False) -> dict | None:
@@ -274,7 +206,10 @@ def enter(path: Path, board: dict, score: dict, replace: bool = False) -> dict |
 
 def leaderboard(path: Path) -> str:
     """A leaderboard as a Markdown table, ranked by the columns from left to right."""
-    board = _board(path)
+    return _table(_board(path))
+
+
+def _table(board: dict) -> str:
     practice = Challenge(board["scenario"], board["episodes"]).fingerprint == board["fingerprint"]
     kind = "practice" if practice else "hidden"
     said = f"{board['scenario']}, {board['episodes']} {kind} missions ({board['fingerprint']})"
@@ -299,22 +234,9 @@ def _board(path: Path) -> dict:
     """The leaderboard in a file; `InputError` that names the file if it is none."""
     board = _read(path, ["scenario", "episodes", "fingerprint", "scores", "failures"])
     try:
-        Challenge(board["scenario"], board["episodes"])
-        scores, failures = list(board["scores"].values()), board["failures"]
-        texts = [board["fingerprint"], *(one["failed"] for one in failures)]
-        for one in scores + failures:
-            texts += [one["name"], one["when"], one["file"] or ""]
-        rows = [one[name] for one in scores for name in SCORED]
-        numbers = [number for row in rows for number in row if len(row) == 3]
-        whole = all(type(text) is str for text in texts) and len(numbers) == 3 * len(rows)
-        whole = whole and all(type(n) in (int, float) and abs(n) < 1e9 for n in numbers)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except (AttributeError, KeyError, TypeError):
-        whole = False
-    if not whole:
-        said = "each score needs name, when, file, failed and three numbers of each measure"
-        raise InputError(f"{path}: no leaderboard: {said}")
+        _table(board)
+    except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(f"{path}: no leaderboard ({error})") from None
     return board
 
 
@@ -326,7 +248,3 @@ def _read(path: Path, expected: list[str]) -> dict:
     if not isinstance(values, dict) or set(values) != set(expected):
         raise InputError(f"{path}: expected a JSON object with {', '.join(expected)}")
     return values
-
-
-if __name__ == "__main__":
-    _serve(*sys.argv[1:])

@@ -9,29 +9,34 @@ import ast
 import copy
 import csv
 import errno
+import html
 import io
+import json
 import re
 import warnings
 import zipfile
-from collections.abc import Collection
+from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
-from uavdh_lite.errors import InputError, extra
+from uavdh_lite.errors import InputError, extra, one_line
 from uavdh_lite.storage import write_atomically
 
 with extra("classroom"):
     import nbformat
     from IPython.core.inputtransformer2 import TransformerManager
 
-LARGEST = 50_000_000  # bytes of a notebook: outputs can be dropped, but somebody has to read them
+LARGEST = 200_000_000  # bytes of a notebook: its outputs are dropped, but somebody has to read them
+LONGEST, MOST = 100_000, 500  # characters of a cell, cells of a student's own
 MOODLE = re.compile(r"(?P<who>[^/]+_\d+)_assignsubmission_file_/?(?P<file>.+)")
-USUAL = re.compile(
-    r"checks\.\w+\(\w+\)|from uavdh_lite\.course import checks|get_ipython\(\)\.\w+\('matplotlib'.*"
+SOLUTION = re.compile(r"checks\b.*\.solution|course\.checks\.|course/checks")
+SHADOWED = re.compile(
+    r"(?m)^(checks|checks\.\w+) *=[^=]|^(class|def) checks\b|^import.* as checks$"
 )
-DYNAMIC = {"eval", "exec", "globals", "__import__", "import_module", "modules", "get_ipython"}
+UNREADABLE = (SyntaxError, ValueError, RecursionError, MemoryError)
 
 
 @dataclass
@@ -39,7 +44,8 @@ class Sheet:
     """What one student handed in for an assignment: what was odd, and the notebook to grade."""
 
     student: str
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # they stand in the feedback, too
+    private: list[str] = field(default_factory=list)  # for the teacher, who judges them
     answered: int = 0
     of: int = 0
     notebook: nbformat.NotebookNode | None = None  # None: nothing in it can be graded
@@ -64,7 +70,7 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
         missing = course / "submitted" if release.is_file() else release
         raise InputError(f"{missing} is not there: run this in the folder of the course")
     try:
-        empty = _notebook(release)
+        empty = nbformat.from_dict(_notebook(release))
         whole = _mended(empty.cells, empty, Sheet("")) is not None
     except Exception as error:  # whatever a damaged file makes a parser say
         said = " ".join(f"{type(error).__name__}: {error}".split())[:120]
@@ -74,17 +80,14 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
     sheets = _one_for_each([_sheet(student, assignment, empty) for student in students], students)
     for sheet in sheets:
         same = [o.student for o in sheets if o is not sheet and o.fingerprint == sheet.fingerprint]
-        told = [*sheet.notes]
         if sheet.fingerprint and same:
-            sheet.notes.append(f"the same file as {', '.join(same)}")
-            told.append("the same file as another student's")  # whose is not for them to read
+            sheet.private.append(f"the same file as {', '.join(same)}")
         if sheet.missing:
             continue
         graded = copy.deepcopy(empty) if sheet.notebook is None else sheet.notebook
-        if told:
-            said = "".join(f"\n- {note}" for note in told)
-            text = f"**Before this was graded, it was looked through.** What was found:\n{said}"
-            text = text.encode("utf-8", "backslashreplace").decode()  # a file's name may be odd
+        if sheet.notes:
+            said = html.escape("\n".join(map(one_line, sheet.notes)))
+            text = f"**Before this was graded, it was looked through:**\n\n<pre>{said}</pre>"
             graded.cells.insert(0, nbformat.v4.new_markdown_cell(text))
         path = course / "checked" / sheet.student / assignment / release.name
         write_atomically(path, lambda temporary, graded=graded: nbformat.write(graded, temporary))  # type: ignore[misc]
@@ -94,15 +97,19 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
 
 
 def _one_for_each(sheets: list[Sheet], folders: list[Path]) -> list[Sheet]:
-    """Without those that are missing here because the student has another folder, or is listed."""
-    given = {path.name: {p.name for p in path.glob("[!.]*")} for path in folders}
-    names = {folder: re.sub(r"_\d+$", "", folder) for folder in given}
-    kept: list[Sheet] = []
+    """Without those missing here who have handed in under another number.
+
+    As many people have a name as folders of this name have ever handed in one assignment.
+    """
+    given = {path.name: [p.name for p in path.glob("[!.]*")] or [""] for path in folders}
+    named: dict[str, list[Sheet]] = {}
     for sheet in sorted(sheets, key=lambda one: one.missing):
-        own = given[sheet.student]
-        others = [o.student for o in kept if names[o.student] == names[sheet.student]]
-        if not (sheet.missing and own and any(own.isdisjoint(given[one]) for one in others)):
-            kept.append(sheet)
+        named.setdefault(re.sub(r"_\d+$", "", sheet.student), []).append(sheet)
+    kept: list[Sheet] = []
+    for own in named.values():
+        times = Counter(name for sheet in own for name in given[sheet.student])
+        handed = sum(not sheet.missing for sheet in own)
+        kept += own[: max(handed, *times.values())]
     return sorted(kept, key=lambda one: one.student)
 
 
@@ -111,9 +118,10 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
     notebooks = (p for p in student.rglob("*") if p.suffix.lower() == ".ipynb")
     every = [p for p in notebooks if not any(x[0] == "." for x in p.parts[-3:])]
     named = [p for p in every if p.parent.name == assignment or assignment in p.name]
-    own = [p for p in named if p.is_file()]
-    for path in (p for p in named if p not in own):
-        sheet.notes.append(f"set aside: {path.relative_to(student).as_posix()} is not a file")
+    whole = student.resolve()  # a link may lead to another student's work
+    own = [p for p in named if p.is_file() and p.resolve() == whole / p.relative_to(student)]
+    aside = [p.relative_to(student).as_posix() for p in named if p not in own]
+    sheet.notes += [f"set aside: {path} is not a file" for path in aside]
     if not own:
         others = sorted(p.name for p in (student / assignment).glob("*") if p.suffix != ".ipynb")
         sheet.missing = not named and not others
@@ -121,12 +129,20 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
             f"hand in the .ipynb itself, not {', '.join(others)}" if others else "nothing handed in"
         )
         return sheet
-    path = max(own, key=lambda p: (p.name == f"{assignment}.ipynb", p.stat().st_mtime))
-    if path.relative_to(student) != Path(assignment, f"{assignment}.ipynb"):
-        sheet.notes.append(f"was named {path.relative_to(student).as_posix()}")
+    read = {path: _read(path, student.name, empty) for path in own}
+    proper = student / assignment / f"{assignment}.ipynb"
+    path = max(own, key=lambda p: (read[p].answered, p == proper, read[p].when))
     if len(own) > 1:
-        sheet.notes.append(f"there are {len(own)} notebooks; this is {path.name}")
-    sheet.when = path.stat().st_mtime
+        sheet.notes.append(f"there are {len(own)} notebooks; this is {path.name}, answered most")
+    elif path != proper:
+        sheet.notes.append(f"was named {path.relative_to(student).as_posix()}")
+    read[path].notes[:0] = sheet.notes
+    return read[path]
+
+
+def _read(path: Path, student: str, empty: nbformat.NotebookNode) -> Sheet:
+    """What is in one notebook."""
+    sheet = Sheet(student, when=path.stat().st_mtime)
     if path.stat().st_size > LARGEST:
         sheet.notes.append(f"set aside: {path.stat().st_size / 1e6:.0f} MB, too large to read")
         return sheet
@@ -146,21 +162,33 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
 
 
 def _notebook(path: Path) -> nbformat.NotebookNode:
-    with warnings.catch_warnings(action="ignore"):  # of ids that are missing, or there twice
-        return nbformat.reads(path.read_bytes().decode("utf-8-sig"), as_version=4)
+    """A notebook without its outputs."""
+    content = json.loads(path.read_bytes().decode("utf-8-sig"))
+    for cell in content.get("cells", ()):
+        if "outputs" in cell:
+            cell["outputs"] = []
+        cell["source"] = "".join(cell["source"])  # a list of lines, or a text
+    if content.get("nbformat") == 4:
+        return nbformat.from_dict(content)
+    with warnings.catch_warnings(action="ignore"):
+        return nbformat.reads(json.dumps(content), as_version=4)
 
 
 def _mended(
     cells: list, empty: nbformat.NotebookNode, sheet: Sheet
 ) -> nbformat.NotebookNode | None:
-    """The release with a student's answers and other code in it; None if it is another notebook."""
+    """The release with a student's answers and other code in it; None if it is another notebook.
+
+    Cells that were given run as they were given; what a student has put into one follows after it,
+    each statement in a cell of its own, so that one which fails costs nothing else.
+    """
     release = [copy.deepcopy(cell) for cell in empty.cells]
     usual = {part for c in release if c.cell_type == "code" for part in _statements(c.source)}
     found: dict[int, list] = {}
     others: dict[int, list] = {}
     last = next(k for k, cell in enumerate(release) if cell.cell_type == "code")
     for cell in cells:
-        place = _place(cell, release)
+        place = _place(cell, release) if len(cell.source) <= LONGEST else None
         if place is not None:
             found.setdefault(place, []).append(cell)
             last = max(last, place)
@@ -169,28 +197,39 @@ def _mended(
     if not any(release[place].metadata.get("nbgrader") for place in found):
         sheet.notes.append("set aside: another notebook, with none of this one's exercises")
         return None
-    mended = []
+    mended, added = [], 0
     for place, cell in enumerate(release):
         own, marks = found.get(place, []), cell.metadata.get("nbgrader", {})
-        kind = "the check of " if marks.get("grade") else "the answer to "
-        name = kind + marks.get("grade_id", "").removeprefix("check-").replace("-", ".")
+        graded = bool(marks.get("grade"))
+        name = marks.get("grade_id", "").removeprefix("check-").replace("-", ".")
+        name = f"the {'check of' if graded else 'answer to'} {name}"
         answers = [c for c in own if c.source.strip() != cell.source.strip()]
+        after = others.get(place, [])
         if marks and not own:
             sheet.notes.append(f"{name} was deleted: restored")
         elif marks and not any("nbgrader" in c.metadata for c in own):
             sheet.notes.append(f"{name} had lost its metadata: restored")
-        if marks and len(own) > 1:
+        if marks and not graded and len(own) > 1:
             sheet.notes.append(f"{name} is there {len(own)} times: the first answered one counts")
-        if marks.get("grade") and answers:
+        if graded and answers:
             sheet.notes.append(f"{name} was edited: restored")
-        elif answers and cell.cell_type == "code" and _is_honest(answers[0], sheet, name, usual):
+        elif answers and cell.cell_type == "code" and marks:
             cell.source = answers[0].source
-            sheet.answered += bool(marks)
+            sheet.answered += 1
+            _look_at(cell.source, name, sheet)
+        elif answers and cell.cell_type == "code":
+            parts = [part for c in answers for part in _parts(c.source) if part not in usual]
+            after = [*map(nbformat.v4.new_code_cell, parts), *after]
         sheet.of += bool(marks.get("solution"))
         mended.append(cell)
-        for other in others.get(place, []):
-            if _is_honest(other, sheet, "a cell of the student's own", usual):
-                mended.append(nbformat.v4.new_code_cell(other.source))
+        for other in after:
+            added += 1
+            if added > MOST or len(other.source) > LONGEST:
+                continue
+            _look_at(other.source, "a cell of the student's own", sheet)
+            mended.append(nbformat.v4.new_code_cell(other.source))
+    if added > MOST:
+        sheet.notes.append(f"{added:,} cells of your own: the first {MOST} are run")
     return nbformat.v4.new_notebook(cells=mended, metadata=copy.deepcopy(empty.metadata))
 
 
@@ -218,37 +257,28 @@ def _place(cell: nbformat.NotebookNode, release: list) -> int | None:
 
 def _statements(source: str) -> dict[str, ast.stmt]:
     """The statements of a cell by their text, in one form; a magic is a call."""
-    parts = ast.parse(TransformerManager().transform_cell(source)).body
+    with warnings.catch_warnings(action="ignore"):  # of a student's "\\d"
+        parts = ast.parse(TransformerManager().transform_cell(source)).body
     return {ast.unparse(part): part for part in parts}
 
 
-def _is_honest(
-    cell: nbformat.NotebookNode, sheet: Sheet, name: str, usual: Collection[str]
-) -> bool:
-    """Whether a cell uses `checks` in no other way than the course does; notes what is odd.
+def _parts(source: str) -> list[str]:
+    """The statements of a cell, or the cell if it cannot be read."""
+    with suppress(*UNREADABLE):
+        return [*_statements(source)]
+    return [source]
 
-    Arguments:
-        usual: statements that stand in what students got.
-    """
+
+def _look_at(source: str, name: str, sheet: Sheet) -> None:
+    """Note if a cell cannot be read, takes a solution, or puts something in place of a check."""
     try:
-        parts = _statements(cell.source).items()
-    except (SyntaxError, ValueError, RecursionError) as error:
+        _statements(source)
+    except UNREADABLE as error:
         sheet.notes.append(f"{name} cannot be read: {str(error).replace('<unknown>, ', '')[:80]}")
-        return "checks" not in cell.source
-    own = [part for text, part in parts if text not in usual and not USUAL.fullmatch(text)]
-    words: set[str] = set()
-    for node in (node for part in own for node in ast.walk(part)):
-        named = [
-            getattr(node, key, None) for key in ("id", "name", "asname", "arg", "attr", "module")
-        ]
-        if isinstance(node, ast.Constant) and "uavdh_lite.course" in str(node.value):
-            named.append(node.value)
-        words.update(part for text in named if text for part in str(text).split("."))
-    if taken := words & {"checks", "course"}:
-        sheet.notes.append(f"{name} uses `{min(taken)}` for more than checking: it does not count")
-    elif looked := words & DYNAMIC:
-        sheet.notes.append(f"{name} uses `{min(looked)}`: look at it")
-    return not taken
+    if SOLUTION.search(source):
+        sheet.private.append(f"{name} reads a solution or a check: look at it")
+    elif SHADOWED.search(source):
+        sheet.private.append(f"{name} puts something in place of a check, which has no effect")
 
 
 def collect(archive: Path, course: Path, assignment: str) -> tuple[dict[str, str], list[str]]:
@@ -334,7 +364,8 @@ def fill_in(
     scaled to the maximum, which stands in the column after the grade's.
 
     Returns the number of rows that are filled, and the students who have none. Raises `InputError`
-    if nothing has been graded, if grading was stopped at a student, or if the worksheet is none.
+    if nothing has been graded, if grading was stopped at a student, if two students have one
+    number, if somebody has more points than there are, or if the worksheet is none.
     """
     with extra("classroom"):
         from nbgrader.api import Gradebook
@@ -343,8 +374,11 @@ def fill_in(
     if grades.is_file():
         with Gradebook(f"sqlite:///{grades}", "uavdh_lite") as book:
             for one in book.assignment_submissions(assignment):
-                points = max(0.0, one.score - one.late_submission_penalty)
-                shares[one.student.id] = points / one.max_score
+                points, most = max(0.0, one.score - one.late_submission_penalty), one.max_score
+                if not 0 <= points <= most or most == 0:
+                    said = f"{one.student.id} has {points:g} of {most:g} points in {assignment}"
+                    raise InputError(f"{grades}: {said}: look at the sheet, and grade it again")
+                shares[one.student.id] = points / most
                 if None in [grade.auto_score for part in one.notebooks for grade in part.grades]:
                     stopped = one.student.id
     if stopped:
@@ -352,24 +386,43 @@ def fill_in(
         raise InputError(f"{grades}: grading was stopped at {stopped}: run {again}")
     if not shares:
         raise InputError(f"{grades}: nothing graded for {assignment}: run nbgrader autograde first")
-    students = {student.rpartition("_")[2]: student for student in shares}
+    students: dict[str, str] = {}
+    for student in shares:
+        number = student.rpartition("_")[2]
+        if number in students:
+            both = f"submitted/{students[number]} and submitted/{student}"
+            raise InputError(f"{both} have one number, {number}: keep the one that is right")
+        students[number] = student
+    content = worksheet.read_bytes()
     try:
-        with worksheet.open(encoding="utf-8-sig", newline="") as file:
-            header, *rows = csv.reader(file)
+        text, code = _decoded(content)
+        mark = max(",;\t", key=text.partition("\n")[0].count)
+        header, *rows = csv.reader(io.StringIO(text), delimiter=mark)
         place = header.index(column, 1)
         for row in (rows := [row for row in rows if row]):
             student = students.pop(re.search(r"\d*$", row[0])[0], None)  # type: ignore[index]
             if student is not None:
                 most = row[place + 1]
+                if not 0 < float(most.replace(",", ".")) < 1e6:
+                    raise ValueError(f"the maximum of {row[0]} is {most}")
                 grade = f"{shares[student] * float(most.replace(',', '.')):.2f}"
                 row[place] = grade.replace(".", ",") if "," in most else grade
     except (ValueError, IndexError, csv.Error) as error:
         said = f"no grading worksheet with {column} and its maximum ({error})"
         raise InputError(f"{worksheet}: {said}: see --column") from None
-    text = io.StringIO()
-    csv.writer(text).writerows([header, *rows])
-    write_atomically(filled, lambda to: to.write_bytes(text.getvalue().encode()))
+    out = io.StringIO()
+    csv.writer(out, delimiter=mark).writerows([header, *rows])
+    write_atomically(filled, lambda to: to.write_bytes(out.getvalue().encode(code)))
     return len(shares) - len(students), sorted(students.values())
+
+
+def _decoded(content: bytes) -> tuple[str, str]:
+    """A text as Moodle or Excel writes it, and the code to write it in again."""
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16"), "utf-16"
+    with suppress(UnicodeDecodeError):
+        return content.decode("utf-8-sig"), "utf-8"
+    return content.decode("cp1252"), "cp1252"
 
 
 def give_back(archive: Path, course: Path, assignment: str) -> list[str]:

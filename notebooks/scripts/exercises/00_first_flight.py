@@ -39,7 +39,7 @@ if project:
 # %%
 # %matplotlib inline
 from uavdh_lite.course import checks
-from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission, picture
+from uavdh_lite.course.given import flights_to_tell_apart, mission, picture
 
 # %% [markdown]
 # ## 0.1 · The score of one flight (1 point, 5 minutes)

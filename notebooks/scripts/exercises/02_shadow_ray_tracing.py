@@ -43,7 +43,7 @@ import numpy as np
 
 from uavdh_lite.course import checks
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.notebook_02 import blocked
+from uavdh_lite.course.given import blocked
 from uavdh_lite.shadowing import line_of_sight
 
 # %% [markdown]

@@ -47,22 +47,39 @@ import torch
 from torch import nn
 
 from uavdh_lite.course import checks
-from uavdh_lite.course.checks.notebook_07 import MAY_CHANGE, REWARDS, ROUNDS, RUNS
+from uavdh_lite.course.given import MAY_CHANGE, REWARDS, ROUNDS, RUNS
 from uavdh_lite.recipe import SMALL, Recipe
 
 # %% [markdown]
 # ## 7.1 · Your own DQN flies the village (6 points, 70 minutes)
 #
 # Put together the parts that you built in the exercises of notebook 6. This takes about forty lines
-# of code, and then an agent that you have built yourself flies over a city. The next cell takes
-# three of the parts from the solutions. Paste your own in their place if you like; the function
-# that 6.5 calls `target` is `target_of` here, because `target` will be the name of your second
-# network.
+# of code, and then an agent that you have built yourself flies over a city. The next cell has three
+# of the parts, written as briefly as we could. Paste your own in their place if you like; the
+# function that 6.5 calls `target` is `target_of` here, because `target` will be the name of your
+# second network.
 
 # %%
-Ring, target_of, policy = (
-    checks.EXERCISES[name].solution for name in ("ring_buffer", "double_target", "stable_policy")
-)
+class Ring:
+    def __init__(self, capacity):
+        self.capacity, self.items, self.newest = capacity, [], -1
+
+    def add(self, item):
+        self.newest = (self.newest + 1) % self.capacity
+        self.items[self.newest : self.newest + 1] = [item]
+
+    def sample(self, size, generator):
+        others = generator.integers(0, len(self.items), size - 1)
+        return [self.items[place] for place in (self.newest, *others)]
+
+
+def target_of(reward, terminal, discount, online_next, target_next):
+    judged = target_next.gather(1, online_next.argmax(1, keepdim=True))[:, 0]
+    return reward + discount * judged * ~terminal
+
+
+def policy(q_values, temperature):
+    return torch.softmax(q_values / temperature, dim=1)
 
 # %% [markdown]
 # This is what you need from the library:

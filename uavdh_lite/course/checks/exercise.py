@@ -253,6 +253,8 @@ def _stops(error: BaseException) -> str:
 
 def _line(error: BaseException) -> str:
     """The last line of the student's own code that the error went through."""
+    if where := getattr(error, "where", ""):  # it was raised in another process
+        return where
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if f.line and not f.filename.startswith(LIBRARY)]
     return f", in line {own[-1].lineno}, `{own[-1].line}`" if own else ""

@@ -1,15 +1,10 @@
 """Exercises of notebook 0, the first flight."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.environment import ACTIONS, HOVER
-from uavdh_lite.evaluation import FunctionPolicy, Trajectory
-from uavdh_lite.missions import Mission, environment_of
-from uavdh_lite.plotting import draw_trajectory
-from uavdh_lite.policies import find_policy
-from uavdh_lite.scenario import find_scenario
+from uavdh_lite.course.given import DATA, FLYING_TIME, PILOTS, flown
+from uavdh_lite.environment import ACTIONS
 
 
 @exercise(
@@ -52,21 +47,6 @@ def flight_score(collected, initial, landed):
     return sum(collected) / sum(initial) if landed else 0.0
 
 
-PILOTS = {"A": "manhattan_ddqn", "B": "random", "C": "greedy"}
-SEED = 462  # of a mission in which the agent does not begin with the nearest device
-
-
-def flights_to_tell_apart() -> Figure:
-    """Three flights of one mission, A, B and C."""
-    environment = environment_of("manhattan")
-    mission = Mission.draw(find_scenario("manhattan"), environment.city, SEED)
-    figure = Figure(figsize=(12, 4.6), layout="constrained")
-    for ax, (letter, name) in zip(figure.subplots(1, 3), PILOTS.items(), strict=True):
-        flights = mission.fly(environment, find_policy(name, environment))
-        draw_trajectory(ax, environment, flights.trajectory(0)).set_title(f"flight {letter}")
-    return figure
-
-
 def wrong_pilots(answer: dict) -> str:
     names = ["ddqn", "greedy", "random"]
     if sorted(answer) != [*PILOTS] or sorted(map(str, answer.values())) != names:
@@ -83,26 +63,7 @@ def pilots():
     """Who flew A, B and C: a dict of "ddqn", "greedy" and "random"."""
 
 
-DATA, FLYING_TIME, LEAST_SHARE = (15.0, 15.0), 21, 0.9
-
-
-def mission() -> Mission:
-    """The mission of exercise 0.3."""
-    return Mission(environment_of("village").city, (0, 0), ((4, 1), (0, 7)), DATA, FLYING_TIME)
-
-
-def flown(actions: list[str]) -> Trajectory:
-    """The flight of these actions; once they are used up, the UAV hovers."""
-    left = iter([ACTIONS.index(name) for name in actions])
-    policy = FunctionPolicy(lambda state: np.array([next(left, HOVER)]))
-    return mission().fly(environment_of("village"), policy).trajectory(0)
-
-
-def picture(actions: list[str]) -> Figure:
-    """The map after these actions."""
-    figure = Figure(figsize=(5, 5.6), layout="constrained")
-    draw_trajectory(figure.subplots(), environment_of("village"), flown(actions))
-    return figure
+LEAST_SHARE = 0.9
 
 
 def wrong_flight(actions: list[str]) -> str:

@@ -1,11 +1,10 @@
 """Exercises of notebook 2, shadows."""
 
-import functools
-
 import numpy as np
 
 from uavdh_lite.course.bresenham import bresenham_fans
 from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.given import shadow
 from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream
 
@@ -95,20 +94,6 @@ def town(size, device, *buildings):
     cells = np.zeros((size, size), bool)
     cells[tuple(np.array(buildings, int).reshape(-1, 2).T)] = True
     return cells, device
-
-
-@functools.cache
-def sight_of(size, cells):
-    return line_of_sight(np.frombuffer(cells, bool).reshape(size, size))
-
-
-def shadow(buildings, device):
-    return ~sight_of(len(buildings), buildings.tobytes())[device]
-
-
-def blocked(buildings, device, cell):
-    """Whether the link between a device and a UAV over a cell is blocked."""
-    return bool(shadow(buildings, device)[cell])
 
 
 @exercise(

@@ -10,7 +10,8 @@ from uavdh_lite.city import load_cities
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise
 from uavdh_lite.course.checks.learning import Watched
 from uavdh_lite.course.checks.values import show
-from uavdh_lite.environment import Environment, Rewards
+from uavdh_lite.course.given import MAY_CHANGE, REWARDS, ROUNDS, RUNS
+from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import FunctionPolicy, Policy, evaluate
 from uavdh_lite.planners import Random
 from uavdh_lite.recipe import SMALL, Recipe
@@ -18,7 +19,6 @@ from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 from uavdh_lite.training import Trainer
 
-ROUNDS, REWARDS = 2000, Rewards(movement=-0.1, crash=-20.0)  # of the student's own DQN
 LEAST_LEAD = 0.2  # over random, in collected and landed
 NOT_CHECKED = (
     "Not checked: whether y is the double target, whether the target network follows with τ = "
@@ -120,17 +120,6 @@ def village_dqn(environment, scenario, rewards, rounds, generator):
 
 
 # Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
-RUNS = {
-    "all-0-300": (0.991, 0.916, 0.804),
-    "without_return_steps-0-300": (0.958, 0.715, 0.948),
-    "without_crash_reward-0-300": (0.995, 0.186, 0.410),
-    "without_learning_rate-0-100": (0.516, 0.334, 0.706),
-    "without_input_scales-1-100": (0.834, 0.552, 0.502),
-    "without_temperature-0-300": (0.982, 0.943, 0.844),
-    "without_crash_reward-0-100": (1.000, 0.125, 0.231),
-    "without_layer_norm-0-100": (0.980, 0.255, 0.442),
-    "without_learning_rate-0-300": (0.989, 0.596, 0.866),
-}
 # The recorded runs, and all that is at a limit, a little off it, or far from it
 NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in (0.9, 0.8, 0.25)]
 AGENTS = [*RUNS.values(), *itertools.product(*NEAR)]
@@ -232,12 +221,6 @@ LAZY = replace(
     exploring_starts=0.0,
 )
 MOST_STEPS, LEAST_PENALTY, LEAST_SCORE = 24_000, -40.0, 0.35
-MAY_CHANGE = (
-    "steps", "crash_reward", "crash_reward_end", "crash_reward_growth", "huber_delta",
-    "temperature", "temperature_end", "temperature_decay", "exploring_starts",
-)
-
-
 def wrong_recipe(recipe: Recipe) -> str:
     """What is wrong with a recipe; it trains an agent and flies 500 test missions."""
     changed = {f.name for f in fields(Recipe) if getattr(recipe, f.name) != getattr(LAZY, f.name)}

@@ -1,0 +1,298 @@
+"""The walls around what students wrote: it runs apart, is called from here, and is judged here.
+
+A notebook or a policy runs in a process of its own, in an empty folder. Readable are Python, this
+package without the checks, and the policy's own file or folder; there is no network and nothing of
+the course. That is done by bubblewrap, or by docker or podman with an image of the course.
+"""
+
+import builtins
+import os
+import secrets
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from contextlib import redirect_stdout, suppress
+from functools import cache
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+from uavdh_lite.course.inside import MEMORY, NOBODY, PROCESSES, packed, received, sent, unpacked
+from uavdh_lite.errors import InputError
+from uavdh_lite.storage import data_folder
+
+IMAGE = "uavdh_lite-students"
+IN_IMAGE = "/opt/uavdh_lite"  # where the image has this package
+SCRATCH = 1 << 28  # bytes that a process may write, all in all
+GRACE = 10  # seconds until what ignores an interrupt is ended
+KEPT = 4096  # bytes of what a process says itself: the end, which says why it failed
+PACKAGE = Path(__file__).parents[1]
+BESIDE = {"learned_table", "learned_network", "ring_buffer", "learned_calmly", "village_dqn"}
+BESIDE |= {"mended_recipe"}
+"""Exercises that are judged inside: what they hand over is no data, so the check is beside it."""
+NO_WALLS = (
+    "nothing here keeps what students wrote apart: install bubblewrap (apt-get install bubblewrap),"
+    f" or docker or podman and the image {IMAGE}. Without them a submission can read and change all"
+    " your files, other students' work and the grade book included, and use the network; to run it"
+    " all the same, say --unprotected"
+)
+
+
+class Lost(BaseException):
+    """A process has ended, or had to be ended; the message says why."""
+
+
+@cache
+def program() -> str:
+    """What keeps a process apart here; `InputError` if nothing does."""
+    here = Path.cwd().resolve()
+    if any(here.is_relative_to(place.resolve()) for place in _readable()):
+        raise InputError(f"{here}: belongs to what submissions can read; work in another folder")
+    for program in ("bwrap", "docker", "podman"):
+        command = [*_command(program, "probe"), "-c", ""]
+        with suppress(OSError, subprocess.TimeoutExpired):
+            if subprocess.run(command, capture_output=True, timeout=60).returncode == 0:
+                return program
+    raise InputError(NO_WALLS)
+
+
+def _readable() -> list[Path]:
+    places = {Path("/usr"), Path(sys.prefix), Path(sys.base_prefix), PACKAGE, data_folder()}
+    return sorted(places, key=lambda place: len(place.parts))
+
+
+def _environment(checks: bool) -> dict[str, str]:
+    values = {"HOME": "/tmp", "PATH": "/usr/bin:/bin", "PYTHONPATH": str(PACKAGE.parent)}
+    values |= {"LANG": "C.UTF-8", "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    return values | {"MPLCONFIGDIR": "/tmp/fonts", "WALLED": "checks" if checks else "yes"}
+
+
+def _command(program: str, name: str, checks: bool = False, sheet: Path | None = None) -> list[str]:
+    """The words before Python's own arguments."""
+    if program == "bwrap":
+        return _bubblewrap(checks, sheet)
+    command = [program, "run", "--rm", "--interactive", "--name", name, "--memory", str(MEMORY)]
+    words = f"--network none --read-only --cap-drop ALL --pids-limit {PROCESSES} --tmpfs /tmp"
+    words += f" --security-opt no-new-privileges --user {NOBODY}:{NOBODY} --workdir /tmp"
+    command += words.split()
+    if not checks:
+        command += ["--tmpfs", f"{IN_IMAGE}/uavdh_lite/course/checks"]
+    if sheet:
+        command += ["--volume", f"{sheet}:/sheet/{sheet.name}:ro"]
+    for key, value in (_environment(checks) | {"PYTHONPATH": IN_IMAGE}).items():
+        command += ["--env", f"{key}={value}"]
+    return [*command, IMAGE, "python"]
+
+
+def _bubblewrap(checks: bool, sheet: Path | None) -> list[str]:
+    words = ["bwrap --die-with-parent --new-session --clearenv --unshare-ipc --unshare-pid"]
+    words += ["--unshare-net --unshare-uts --unshare-cgroup-try"]
+    as_root = "--cap-add CAP_SETUID --cap-add CAP_SETGID"  # with which it becomes nobody
+    words += [as_root if os.getuid() == 0 else "--unshare-user"]
+    for path in ("/lib", "/lib64", "/bin", "/etc/ld.so.cache", "/etc/alternatives", "/etc/fonts"):
+        words += [f"--ro-bind-try {path} {path}"]
+    command = " ".join(words).split()
+    above = {parent for place in _readable() for parent in place.parents}  # /root may be closed
+    for parent in sorted(above - {Path("/")}, key=lambda place: len(place.parts)):
+        command += ["--perms", "0755", "--dir", str(parent)]
+    for place in map(str, _readable()):
+        command += ["--ro-bind", place, place]
+    if not checks:
+        command += ["--tmpfs", str(PACKAGE / "course" / "checks")]
+    if sheet:
+        command += ["--perms", "0755", "--dir", "/sheet"]
+        command += ["--ro-bind", str(sheet), f"/sheet/{sheet.name}"]
+    words = [
+        f"--proc /proc --dev /dev --remount-ro /dev --size {SCRATCH} --perms 1777 --tmpfs /tmp"
+    ]
+    words += ["--perms 0777 --dir /tmp/own --perms 0777 --dir /tmp/fonts --chdir /tmp/own"]
+    command += " ".join(words).split()
+    for path in Path(matplotlib.get_cachedir()).glob("fontlist-*.json"):
+        command += ["--ro-bind", str(path), f"/tmp/fonts/{path.name}"]  # it takes long to make
+    for key, value in _environment(checks).items():
+        command += ["--setenv", key, value]
+    return [*command, "--remount-ro", "/", sys.executable]
+
+
+class Walled:
+    """A process within the walls; use it in a `with` statement.
+
+    Arguments:
+        sheet: a file or folder of the student's that it may read.
+        checks: whether the checks, with their solutions, are within, too.
+        unprotected: whether it runs without walls, as whoever started it.
+
+    Raises `InputError` if there are no walls here. What it is asked raises `Lost` once the process
+    has ended, or had to be ended.
+    """
+
+    def __init__(self, sheet: Path | None = None, checks: bool = False, unprotected: bool = False):
+        self.program = "" if unprotected else program()
+        self.folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        self.name, environment = f"walled-{secrets.token_hex(8)}", dict(os.environ)
+        self.sheet, self.said, self.late = sheet, bytearray(), False
+        self.watch = threading.Timer(0, lambda: None)
+        if self.program:
+            sheet = sheet and self._readable(sheet)
+            command = _command(self.program, self.name, checks, sheet)
+            self.sheet = sheet and Path("/sheet", sheet.name)
+        else:
+            kept = ("PATH", "SYSTEMROOT", "PATHEXT")  # without which nothing starts on Windows
+            environment = _environment(checks) | {k: os.environ[k] for k in kept if k in os.environ}
+            environment |= {"HOME": self.folder.name, "MPLCONFIGDIR": matplotlib.get_cachedir()}
+            environment["WALLED"] = "checks" if checks else ""
+            command = [sys.executable]
+        pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+        self.process = subprocess.Popen(
+            [*command, "-m", "uavdh_lite.course.inside"],
+            cwd=self.folder.name,
+            env=environment,
+            start_new_session=True,
+            **pipes,  # type: ignore[call-overload]
+        )
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _readable(self, sheet: Path) -> Path:
+        """A copy that anybody may read: within, whoever looks is nobody. Links stay links."""
+        copy = Path(self.folder.name, sheet.name)
+        if sheet.is_dir():
+            shutil.copytree(sheet, copy, symlinks=True)
+        else:
+            shutil.copyfile(sheet, copy)
+        for path in [copy, *copy.rglob("*")]:
+            if not path.is_symlink():
+                path.chmod(0o755 if path.is_dir() else 0o644)
+        return copy
+
+    def __enter__(self) -> "Walled":
+        return self
+
+    def __exit__(self, *error) -> None:
+        self.watch.cancel()
+        self._end()
+        self.process.wait()
+        for stream in (self.process.stdin, self.process.stdout):
+            with suppress(OSError):
+                stream.close()  # type: ignore[union-attr]
+        self.folder.cleanup()
+
+    def _listen(self) -> None:
+        with self.process.stderr as stream:  # type: ignore[union-attr]
+            while part := stream.read1(KEPT):  # type: ignore[union-attr]
+                self.said.extend(part)
+                del self.said[:-KEPT]
+
+    def begin(self, seconds: float) -> None:
+        """What is asked from now on may take so long, all in all; then it is interrupted."""
+        self.watch.cancel()
+        self.ends = time.monotonic() + seconds
+        self.watch = threading.Timer(seconds + GRACE, self._end)
+        self.watch.daemon = True
+        self.watch.start()
+
+    def _end(self) -> None:
+        self.late = True
+        if self.program not in ("", "bwrap"):  # its own process is only a messenger
+            subprocess.run([self.program, "kill", self.name], capture_output=True)
+        with suppress(ProcessLookupError):
+            os.killpg(self.process.pid, 9) if hasattr(os, "killpg") else self.process.kill()
+
+    def ask(self, message: dict) -> dict:
+        """Send a message and wait for the reply."""
+        try:
+            sent(self.process.stdin, message | {"seconds": self.ends - time.monotonic()})
+            if reply := received(self.process.stdout):
+                return reply
+        except OSError:
+            pass
+        except Exception as error:  # whatever a hostile reply makes a parser say
+            raise Lost(f"what it gives cannot be read ({type(error).__name__})") from None
+        late = "it never ends, and cannot be interrupted"
+        raise Lost(late if self.late else "it ended its own process")
+
+    def answer(self, name: str) -> Any:
+        """What has this name in the notebook: data, or a function that can be called from here."""
+        reply = self.ask({"answer": name})
+        if "value" in reply:
+            return self._read(reply["value"])
+
+        def function(*given):
+            return self.call(*given)
+
+        function.__name__, function.__module__ = str(reply["name"]), str(reply["module"])
+        return function
+
+    def load(self, place: str, scenario: str) -> None:
+        """Make a policy what `call` calls; see `challenge.score`."""
+        self._called({"load": True}, (place, scenario))
+
+    def call(self, *given) -> Any:
+        """Call the answer that was asked for last, or the policy, with data."""
+        return self._called({}, given)
+
+    def _called(self, message: dict, given: tuple) -> Any:
+        reply = self.ask(message | {"arguments": packed([*given])})
+        print(str(reply.get("said", "")), end="")
+        if "arguments" in reply:
+            _follow([*given], self._read(reply["arguments"]))
+        if "raised" in reply:
+            raise _error(str(reply["raised"]), str(reply.get("text")), str(reply.get("where")))
+        return self._read(reply.get("value"))
+
+    def _read(self, value: Any) -> Any:
+        try:
+            return unpacked(value)
+        except Exception as error:
+            raise Lost(f"what it gives cannot be read ({type(error).__name__})") from None
+
+
+def _error(kind: str, text: str, where: str) -> BaseException:
+    """An error like the one within; `where` is the line of the student's that it went through."""
+    known = getattr(builtins, kind, None)
+    fits = isinstance(known, type) and issubclass(known, Exception | KeyboardInterrupt)
+    base = known if fits else Exception
+    error = None
+    with suppress(Exception):
+        error = base(text)
+    if error is None or base is not known or str(error) != text:
+        error = type(kind, (base,), {"__init__": lambda _: None, "__str__": lambda _: text})()
+    error.where = where  # type: ignore[attr-defined]
+    return error
+
+
+def _follow(own: Any, now: Any) -> None:
+    """Let arguments become what the function within has made of them."""
+    with suppress(AttributeError, TypeError, ValueError, RuntimeError):
+        if isinstance(own, tuple) or (isinstance(own, list) and len(own) == len(now)):
+            for k, (one, other) in enumerate(zip(own, now, strict=True)):
+                if isinstance(own, list) and isinstance(one, bool | int | float | str | None):
+                    own[k] = other
+                _follow(one, other)
+        elif isinstance(own, list):
+            own[:] = now
+        elif isinstance(own, np.ndarray):
+            own[...] = now
+        elif isinstance(own, np.random.Generator):
+            own.bit_generator.state = now.bit_generator.state
+        elif hasattr(own, "copy_"):
+            own.detach().copy_(now)
+
+
+def judged(walled: Walled, exercise: Any, name: str, seconds: float) -> tuple[str, str]:
+    """What an exercise prints about the answer of this name, and what is wrong with it, or ""."""
+    from uavdh_lite.course.checks import CheckFailed
+
+    walled.begin(seconds)
+    said, wrong = StringIO(), ""
+    with redirect_stdout(said):
+        try:
+            exercise(walled.answer(name))
+        except CheckFailed as failed:
+            wrong = f"Not yet. {failed}"
+    return said.getvalue(), wrong
