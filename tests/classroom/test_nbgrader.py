@@ -455,7 +455,7 @@ def course(tmp_path_factory):
     root = tmp_path_factory.mktemp("course")
     config = (NOTEBOOKS / "nbgrader_config.py").read_text()
     assert "Integer(180" in config
-    (root / "nbgrader_config.py").write_text(config.replace("Integer(180", "Integer(25"))
+    (root / "nbgrader_config.py").write_text(config.replace("Integer(180", "Integer(60"))
     shutil.copytree(NOTEBOOKS / "solutions" / ASSIGNMENT, root / "solutions" / ASSIGNMENT)
     nbgrader(root, "generate_assignment", "--force", ASSIGNMENT)
     hand_in(root)
