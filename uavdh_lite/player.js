@@ -235,11 +235,9 @@ function aboutCell({ city, devices }, [row, col], { amounts }) {
 }
 
 // Which device the violet cells belong to, if there are any.
-function aboutShadow({ devices, traced }, shadowed) {
+function aboutShadow({ devices }, shadowed) {
   const { number, hidden = [] } = devices[shadowed] ?? {};
-  return hidden.some((row) => row.includes("#"))
-    ? `Violet: hidden from device ${number}${traced ? ", by the model" : ""}.`
-    : "";
+  return hidden.some((row) => row.includes("#")) ? `Violet: hidden from device ${number}.` : "";
 }
 
 // From here on: HTML and SVG as text
@@ -365,15 +363,12 @@ const deviceSign = ({ number, colour }) =>
   `<g class="device" ${coloured(colour)}>${CROSS}<text dy=".35em">${number}</text></g>`;
 
 // What all signs mean, in the words of `add_legend` in plotting.py.
-export function legend({ city, devices, traced }) {
+export function legend({ city, devices }) {
   const kinds = Object.keys(KINDS).filter((sign) => city.some((row) => row.includes(sign)));
   const move = (width) => `<g transform="translate(-.5)">${arrow(width, 0)}</g>`;
   const entries = [
     ...kinds.map((sign) => [KINDS[sign].name, cells([sign], sign)]),
-    [
-      `shadow: no line of sight to a device${traced ? ", by the model, not by the traced rays of these flights" : ""}`,
-      shadow(["#"]),
-    ],
+    ["shadow: no line of sight to a device", shadow(["#"])],
     ...devices.map((device) => [`device ${device.number}`, deviceSign({ ...device, number: "" })]),
     ["UAV", `<g class="uav">${UAV}</g>`],
     ["start", START],

@@ -1,5 +1,8 @@
-// The radio link of one device to every cell, without fading: the ledger of the tool Channel.
+// The radio link of one device to every cell, without fading, as a ledger.
 
+import { KINDS, square } from "../player.js";
+import { button, colourOf, heat, outline, ramp, term } from "./html.js";
+import { signed, units } from "./words.js";
 import { CHANNEL, pathLossDb, rate } from "./world.js";
 
 /**
@@ -15,7 +18,6 @@ import { CHANNEL, pathLossDb, rate } from "./world.js";
  * | `rate`, `free` | data units a slot, and what they would be with a line of sight |
  * | `dearest` | the cell over which a building costs most data |
  * | `range` | SNRs over this city from the weakest to the strongest, in steps of 10 dB |
- * | `traced` | over a real place, the SNRs and rates that flights have; null elsewhere |
  * | `fading` | its standard deviation without a line of sight and with one, dB |
  * @param {import("./world.js").Environment} environment
  * @param {[number, number]} device row and column
@@ -34,7 +36,6 @@ export function ledger(environment, device) {
   const rates = Array.from(environment.rateMap(from));
   const free = pathLoss.map((loss) => rate(transmit - loss));
   const lost = free.map((each, cell) => (city.noFly[cell] ? -1 : each - rates[cell]));
-  const traced = environment.meanSnrDb ? Array.from(environment.tracedSnrs(from)) : null;
   const weakest = transmit - pathLossDb(squared(size - 1, size - 1), 0);
   const strongest = transmit - pathLossDb(squared(0, 0), 1);
   return {
@@ -47,7 +48,6 @@ export function ledger(environment, device) {
     free,
     dearest: city.position(lost.indexOf(Math.max(...lost))),
     range: [10 * Math.floor(weakest / 10), 10 * Math.ceil(strongest / 10)],
-    traced: traced && { snr: traced, rate: traced.map(rate) },
     fading: CHANNEL.fadingVariance.map(Math.sqrt),
   };
 }
@@ -60,3 +60,60 @@ export function hiddenRows(environment, position) {
   const signs = Array.from(environment.sight(cell), (seen) => (seen ? "." : "#")).join("");
   return city.rows.map((_, r) => signs.slice(r * size, (r + 1) * size));
 }
+
+const tenths = (value) => Number(value.toFixed(1));
+
+export const CHANNEL_TOOL = {
+  title: "Channel",
+  still: () => true,
+  cursor:
+    "arrow keys move the cell that the UAV is over; Enter on a device chooses it, elsewhere it holds the cell",
+  html({ panel, state }) {
+    const [low, high] = panel.range.map((each) => `${each} dB`.replace("-", "−"));
+    const device = (_, k) =>
+      button(`device ${k}`, { kind: "look", device: k }, `aria-pressed="${k === panel.device}"`);
+    return `<h2 class="sentence" aria-live="polite"></h2><div class="row">${state.devices.map(device).join("")}</div>
+      <table class="ledger"></table>
+      ${ramp(low, high, `${term("SNR")} over each cell. Point at one; press to hold it.`)}`;
+  },
+  under({
+    film,
+    panel: {
+      snr,
+      range: [low, high],
+    },
+  }) {
+    return heat(snr, film.city.length, (value) => colourOf((value - low) / (high - low)), 0.9);
+  },
+  over({ film, panel, state: { held } }) {
+    const edge = outline(panel.building, film.city.length, (each) => each > 1e-6);
+    return `${edge}<path class="ray"/>${held ? `<path class="held" d="${square(held)}"/>` : ""}`;
+  },
+  point(stage, { panel, state, film }, pointed) {
+    const cell = state.held ?? pointed;
+    if (cell || this.city !== String(film.city)) [this.cell, this.city] = [cell, String(film.city)]; // the last one stays
+    const [row, col] = this.cell ?? panel.dearest;
+    const number = row * film.city.length + col;
+    const [y, x] = state.devices[panel.device].cell;
+    const cost = panel.building[number];
+    const hidden = cost > 1e-6;
+    stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
+    stage.find(".ray")?.classList.toggle("blocked", hidden);
+    const instead = hidden ? `, ${units(panel.free[number])} without buildings` : ", in sight";
+    const there = KINDS[film.city[row][col]]?.name.split(":")[0] ?? "open ground";
+    stage.fill(
+      ".sentence",
+      `${units(panel.rate[number])} units a ${term("slot")}${instead} <small>over row ${row}, column ${col}, ${there}</small>`,
+    );
+    const entry = ([name, value]) => `<tr><th scope="row">${name}</th><td>${value} dB</td></tr>`;
+    const [start, loss] = [panel.transmit, panel.pathLoss[number]];
+    const lines = [
+      [term("SNR at 1 m"), signed(start)],
+      [`${term("path loss")} over ${panel.distance[number].toFixed(0)} m`, `−${signed(loss)}`],
+      [term("hidden by buildings"), hidden ? `−${signed(cost)}` : "0.0"],
+      [term("SNR"), signed(tenths(start) - tenths(loss) - tenths(cost))], // adds up as it is shown
+      [term("fading"), `± ${panel.fading[Number(!hidden)].toFixed(1)}`],
+    ];
+    stage.fill(".ledger", lines.map(entry).join(""));
+  },
+};

@@ -1,9 +1,10 @@
 // Who flies, and the flights of one mission, each flown once.
 
 import { hiddenRows } from "./channel.js";
-import { Greedy, Random, bytesOf } from "./pilots.js";
-import { ACTIONS, Environment, HandFlight, MeasuredEnvironment, kept, rate, sum } from "./world.js";
+import { Greedy, Random } from "./pilots.js";
+import { ACTIONS, Environment, HandFlight, NO_PATH, kept, sum } from "./world.js";
 import { LETTERS, YOU } from "./state.js";
+import { listed, timeUnits } from "./words.js";
 
 /**
  * @typedef {import("./world.js").Trajectory & { values?: Float32Array[] }} Flight
@@ -15,21 +16,15 @@ import { LETTERS, YOU } from "./state.js";
 export function whoIs(name, agents) {
   if (name === YOU) return { name, title: "you", subject: "you", you: true };
   const { title = name, subject = name } = agents[name] ?? {};
-  return { name, title, subject, you: false, thinks: name in agents };
+  return { name, title, subject, you: false };
 }
 
 /** The flights of one mission, each flown when it is first asked for. */
 export class Hangar {
-  /**
-   * @param {object[]} places the real places, each with rows and table
-   * @param {Hangar | null} before its environment serves again if the city is the same
-   */
-  constructor(mission, agents, places, before = null) {
-    const { city } = mission;
-    const same = before && before.mission.city === city;
-    /** The real place that the city is, null if it is none. */
-    this.place = places.find(({ rows }) => rows.join() === city.rows.join()) ?? null;
-    this.environment = same ? before.environment : environmentOf(city, this.place);
+  /** @param {Hangar | null} before its environment serves again if the city is the same */
+  constructor(mission, agents, before = null) {
+    const same = before && before.mission.city === mission.city;
+    this.environment = same ? before.environment : new Environment(mission.city);
     this.pilots = same ? before.pilots : new Map();
     Object.assign(this, { mission, agents, flown: new Map() });
   }
@@ -40,21 +35,19 @@ export class Hangar {
     return kept(this.flown, key, () => this.fly(this.mission, policy, letters));
   }
 
-  /** @returns {Flight} of any mission over this city */
-  fly(mission, policy, letters = "") {
+  /** @returns {Flight} of any mission over this city; `first` are actions with which it begins */
+  fly(mission, policy, letters = "", first = []) {
     const flight = new HandFlight(this.environment, mission);
-    if (policy === YOU) {
-      for (const letter of letters) if (!flight.ended) flight.step(LETTERS.indexOf(letter));
-      return flight.trajectory;
-    }
+    const hand = policy === YOU ? [...letters].map((letter) => LETTERS.indexOf(letter)) : first;
+    for (const action of hand) if (!flight.ended) flight.step(action);
+    if (policy === YOU) return flight.trajectory;
     const pilot = policy === "random" ? new Random(mission.seed) : this.pilot(policy);
-    if (!pilot.qValues) return mission.fly(this.environment, pilot);
     const values = [];
     while (!flight.ended) {
-      values.push(pilot.qValues(flight.state));
-      flight.step(values.at(-1).indexOf(Math.max(...values.at(-1))));
+      if (pilot.qValues) values.push(pilot.qValues(flight.state));
+      flight.step(pilot.qValues ? bestOf(values.at(-1)) : pilot.act(flight.state));
     }
-    return { ...flight.trajectory, values };
+    return { ...flight.trajectory, ...(pilot.qValues && { values }) };
   }
 
   pilot(name) {
@@ -67,11 +60,7 @@ export class Hangar {
   }
 }
 
-function environmentOf(city, place) {
-  return place
-    ? new MeasuredEnvironment(city, bytesOf(place.gain), place.level_db)
-    : new Environment(city);
-}
+const bestOf = (values) => values.indexOf(Math.max(...values));
 
 /** How a flight went: data units and their share, steps and the share of the time, the return. */
 export function numbers(flight) {
@@ -90,16 +79,17 @@ export function numbers(flight) {
 }
 
 /**
- * What player.js draws; see `film` in player.py. `traced`: what is heard is that of traced rays.
+ * What player.js draws; see `film` in player.py.
  * @param {[string, Flight][]} flights with titles
  * @param {string[]} colours of the devices
+ * @param {Object<number, [number, number]>} moved where some devices are shown instead
  */
-export function filmOf({ mission, environment }, flights, colours) {
-  const { city, devices } = mission;
+export function filmOf({ mission, environment }, flights, colours, moved = {}) {
+  const { city } = mission;
+  const devices = mission.devices.map((cell, k) => moved[k] ?? cell);
   return {
     title: `Flight${flights.length > 1 ? "s" : ""} over ${city.name}`,
     city: city.rows,
-    traced: Boolean(environment.meanSnrDb),
     devices: devices.map((cell, number) => ({
       number,
       cell,
@@ -126,38 +116,31 @@ function filmedFlight(flight, { city, devices, flyingTime }) {
 }
 
 /**
- * What is wrong with a mission, as facts: cells that no way leads to, a device that cannot be heard
- * well, too little time.
+ * What is odd about a mission, in sentences: cells that no way leads to, devices that nobody hears well, too little time.
  * @param {Environment} environment
  */
 export function warnings(environment, { city, start, devices, data, flyingTime }) {
-  const sealed = [...city.kinds.keys()].filter(
-    (cell) => !city.noFly[cell] && city.landingDistance[cell] < 0,
-  );
   const reached = (cell) => city.landingDistance[cell] >= 0;
-  const bestOf = (snrs) => {
-    const best = [...snrs.keys()]
-      .filter(reached)
-      .reduce((one, other) => (snrs[other] > snrs[one] ? other : one));
-    return { amount: rate(snrs[best]), where: city.position(best) };
-  };
-  const facts = [];
-  if (sealed.length)
-    facts.push({ kind: "sealed", cells: sealed.length, where: city.position(sealed[0]) });
+  const sealed = [...city.kinds.keys()].filter((cell) => !city.noFly[cell] && !reached(cell));
+  const told = [];
+  if (sealed.length) {
+    const [row, col] = city.position(sealed[0]);
+    told.push(`No way leads from the landing zone to row ${row}, column ${col}.`);
+  }
   devices.forEach((position, device) => {
     const cell = city.cell(position);
     if (!environment.isSeen(cell))
-      facts.push({
-        kind: "unheard",
-        device,
-        traced: environment.meanSnrDb ? bestOf(environment.tracedSnrs(cell)) : null,
-      });
-    else if (!city.noFly[cell] && !reached(cell)) facts.push({ kind: "unreachable", device });
+      told.push(`Device ${device} is seen from no cell that the UAV can reach.`);
+    else if (!city.noFly[cell] && !reached(cell))
+      told.push(`No way leads to device ${device}: it can only be heard from afar.`);
   });
-  if (!city.landing[city.cell(start)]) facts.push({ kind: "outside" });
+  if (!city.landing[city.cell(start)])
+    told.push("This mission starts outside the landing zone; random missions start in it.");
   const home = environment.timeToLand[city.cell(start)];
   const bare = [...data.keys()].filter((device) => !data[device]);
-  if (bare.length) facts.push({ kind: "bare", devices: bare });
-  if (home >= flyingTime) facts.push({ kind: "late", time: flyingTime, home });
-  return facts;
+  if (bare.length) told.push(`No data at ${listed(bare.map((device) => `device ${device}`))}.`);
+  if (home === NO_PATH) told.push("No way leads home from the start.");
+  else if (home >= flyingTime)
+    told.push(`The way home alone takes ${home} of ${timeUnits(flyingTime)}.`);
+  return told;
 }

@@ -1,6 +1,9 @@
 // What hands do on the stage: pointers, keys, files that are dropped.
 
-import { ARROWS, TOOLS, WAYS, brush } from "./tools.js";
+import { COMPARE } from "./compare.js";
+import { ARROWS, WAYS } from "./fly.js";
+import { brush } from "./paint.js";
+import { TOOLS } from "./tools.js";
 
 const REACH = 20; // px from its middle within which a finger takes a device
 
@@ -67,6 +70,14 @@ export function attend(stage) {
     );
   };
 
+  const seek = ({ target, clientX, buttons }) => {
+    const chart = target.closest?.(".chart");
+    if (!chart || !buttons) return;
+    const { x } = new DOMPoint(clientX, 0).matrixTransform(chart.getScreenCTM().inverse());
+    stage.seek(COMPARE.stepAt(chart, x));
+  };
+  main.addEventListener("pointerdown", seek);
+  main.addEventListener("pointermove", seek);
   main.addEventListener("pointerdown", (event) => {
     if (!event.target.closest(".map") || event.button) return;
     const cell = cellAt(event);
@@ -106,8 +117,13 @@ export function attend(stage) {
     stage.hovered = drag.at = cell;
     drag.moves = true;
     if (brush.cells) strokeTo(cell, before);
-    else stage.askWhenFree({ kind: "move", device: drag.thing, cell, drag: drag.number });
+    else stage.askWhenFree(moves(drag.thing, cell, { drag: drag.number }));
   };
+  /** In Think a device moves for a try; elsewhere the mission changes. */
+  const moves = (device, cell, more = {}) => ({
+    kind: device >= 0 && stage.scene.state.tool === "think" ? "whatIf" : "move",
+    ...{ device, cell, ...more },
+  });
   main.addEventListener("pointermove", move);
   main.addEventListener("pointerleave", ({ pointerType }) => {
     if (!drag && pointerType !== "touch") hover(null);
@@ -115,8 +131,7 @@ export function attend(stage) {
   const release = (event) => {
     if (drag && event.type === "pointerup") move(event); // where it is let go is where it stays
     if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
-    else if (drag?.moves)
-      ask({ kind: "move", device: drag.thing, cell: drag.at, drag: drag.number, ends: true });
+    else if (drag?.moves) ask(moves(drag.thing, drag.at, { drag: drag.number, ends: true }));
     else if (drag && stage.scene.state.tool === "paint") stands(drag.thing);
     [drag, brush.cells] = [null, null];
   };
@@ -153,7 +168,7 @@ export function attend(stage) {
     nearest(event.target.closest(".curves")?.querySelectorAll(".dot") ?? [], event) ?? event.target;
 
   const does = {
-    skip: stage.skipStory,
+    skip: stage.endStory,
     go: stage.goOn,
     tell: stage.tellStory,
     refusal: () => stage.refuse(""),
@@ -165,7 +180,7 @@ export function attend(stage) {
     const target = pressed(event).closest("button, [data-ask], .term, .refusal");
     if (!target) return;
     const { ask: asked, tool: name, sign, set } = target.dataset;
-    if (!target.matches(".skip, .go, .play, .forward, .back, .full")) stage.endStory();
+    if (!target.closest(".caption, .controls, .full")) stage.endStory();
     const does_ = Object.keys(does).find((each) => target.classList.contains(each));
     if (asked) [JSON.parse(asked)].flat().forEach(ask);
     else if (name) ask({ kind: "tool", tool: name });
@@ -185,6 +200,10 @@ export function attend(stage) {
     if (steers && (event.detail || name)) find("#panel").focus({ preventScroll: true });
   });
 
+  el.addEventListener("input", ({ target }) => {
+    if (target.dataset.set !== "whatif-time") return;
+    stage.askWhenFree({ kind: "whatIf", time: target.valueAsNumber });
+  });
   el.addEventListener("change", ({ target }) => {
     const { set, field } = target.dataset;
     const { value } = target;
@@ -251,10 +270,9 @@ export function attend(stage) {
       const to =
         { Home: tools[0], End: tools.at(-1) }[key] ??
         tools[(tools.indexOf(tab.dataset.tool) + right + tools.length) % tools.length];
-      find(`#tab-${to}`).focus();
-      return () => ask({ kind: "tool", tool: to });
+      return () => find(`#tab-${to}`).focus();
     }
-    if (tab && ["Enter", "ArrowDown"].includes(key)) {
+    if (tab && ["Enter", " ", "ArrowDown"].includes(key)) {
       return () => {
         find("#panel").focus({ preventScroll: true });
         ask({ kind: "tool", tool: tab.dataset.tool });
@@ -262,8 +280,8 @@ export function attend(stage) {
     }
     const device = target.closest("g[data-device]")?.dataset.device;
     if (device && down !== undefined) {
-      const [row, col] = device < 0 ? state.start : state.devices[device].cell;
-      return () => ask({ kind: "move", device: Number(device), cell: [row + down, col + right] });
+      const [row, col] = device < 0 ? state.start : stage.scene.film.devices[device].cell;
+      return () => ask(moves(Number(device), [row + down, col + right]));
     }
     if (device >= 0 && ["Delete", "Backspace"].includes(key))
       return () => ask({ kind: "remove", device: Number(device) });
@@ -274,10 +292,7 @@ export function attend(stage) {
     const presses = key === " " && target.matches("button:not([role=tab])");
     const steer = tool().keys?.[key];
     if (!steer || presses) return null;
-    return () => {
-      if (tab) find("#panel").focus({ preventScroll: true }); // the other arrows steer from now on, too
-      ask({ kind: "fly", action: steer });
-    };
+    return tab ? null : () => ask({ kind: "fly", action: steer });
   }
 
   /** The keys' pointer comes to a cell. */

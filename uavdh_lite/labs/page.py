@@ -15,7 +15,6 @@ from typing import Any
 from safetensors.torch import save as to_bytes
 
 from uavdh_lite.agent import Agent
-from uavdh_lite.beyond.measured import shipped_places
 from uavdh_lite.checkpoint import load, load_agent, save_agent
 from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.missions import Mission, as_json
@@ -30,7 +29,6 @@ AGENTS = {  # the agents that the page has, with their names for people
     "open_field": "imitation agent",
     "any_city": "any-city agent",
 }
-PLACE = "gain", "level_db", "source", "licence"  # what the page has of a real place beside its city
 PIECE = 65_536  # characters of a script: WebKit takes seconds for one that holds all
 LARGEST = 16  # cells on a side of the cities that the page has
 PACKAGE = Path(__file__).parents[1]
@@ -89,7 +87,6 @@ def data(agents: Mapping[str, Agent | str | Path] | None, races: bool) -> dict[s
     """What the page knows: cities with their scenarios, agents, colours, recorded trainings."""
     shipped = (city for name in shipped_cities() if (city := load_city(name)).size <= LARGEST)
     cities = [_city(city, find_scenario(city.name)) for city in shipped]
-    cities += map(_place, shipped_places())
     shelf = []
     for name, source in (dict.fromkeys(AGENTS) if agents is None else agents).items():
         agent = source if isinstance(source, Agent) else load_agent(source or name)
@@ -124,14 +121,6 @@ def recorded_races() -> dict[str, Any]:
 
 def _city(city: City, scenario: Scenario) -> dict[str, Any]:
     return {"name": city.name, "rows": city.text.split(), "scenario": asdict(scenario)}
-
-
-def _place(name: str) -> dict[str, Any]:
-    """A real place with its table of gains; its missions are those of `any_city`."""
-    file = data_folder() / "places" / f"{name}.json"
-    about = json.loads(file.read_text(encoding="utf-8"))
-    city = City.from_text(name, "\n".join(about["rows"]))
-    return _city(city, find_scenario("any_city")) | {entry: about[entry] for entry in PLACE}
 
 
 def packed(agent: Agent) -> bytes:

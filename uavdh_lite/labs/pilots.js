@@ -387,3 +387,11 @@ const READ = {
 };
 
 export const bytesOf = (base64) => Uint8Array.fromBase64(base64);
+
+/** Letters that tell files apart by their content. */
+export function digestOf(bytes) {
+  const parts = [0, 1].map((seed) =>
+    bytes.reduce((code, byte) => Math.imul(code ^ byte, 16777619 + 2 * seed), ~seed),
+  );
+  return parts.map((part) => (part >>> 0).toString(16).padStart(8, "0")).join("");
+}

@@ -1,5 +1,7 @@
 // What a recorded training shows: where it learned to land, and in words how a race of two went.
 
+import { RUNS, grouped, upper } from "./words.js";
+
 const FOR_GOOD = 0.5; // of the missions of a point and of all later ones: it has learned to land
 const FALL = 5; // per cent of the data that it brings home less at the next point: worth a word
 
@@ -85,3 +87,40 @@ export function raceFacts(runs, episodes, metric) {
   facts.push({ kind: "ends", episodes, ends, wins: level ? null : Number(second > first) });
   return facts;
 }
+
+const TEMPLATES = {
+  fromTheStart: ({ run }) => `${upper(RUNS[run])} lands from the start.`,
+  never: ({ run }) => `${upper(RUNS[run])} has not learned to land for good.`,
+  kink: ({ run, steps, before, now, episodes }) =>
+    `${upper(RUNS[run])} learns to land for good at its dashed line, after ${grouped(steps)} steps: ${before} of ${episodes} missions landed at the point before, ${now} at this one.`,
+  forgot: ({ steps, landed }) =>
+    `Earlier, after ${grouped(steps)} steps, ${landed} landed, but it forgot how.`,
+  falls({ run, from, to, sooner, episodes, hidden }) {
+    const lands =
+      to.landed === from.landed
+        ? "it lands as often"
+        : `it lands in ${to.landed} of ${episodes} missions, not in ${from.landed}`;
+    const time = `its flights take ${to.time}\u00a0% of their time, not ${from.time}\u00a0%`;
+    const less =
+      to.landed < from.landed
+        ? ""
+        : sooner
+          ? `, but ${time}`
+          : `, but collects less in ${to.time > from.time + 5 ? "more" : "about the same"} time; why, this record does not tell: press both numbers of steps to see the agents fly`;
+    return (
+      `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, but after ${grouped(to.steps)} only ` +
+      `${to.home}\u00a0%, its deepest fall${sooner ? ", because it goes home sooner" : ""}: ${lands}${less}${hidden ? " (choose “collected and landed” to see it)" : ""}.`
+    );
+  },
+  sooner: ({ run, steps }) => `${upper(RUNS[run])} learns to land ${grouped(steps)} steps sooner.`,
+  point: ({ episodes, landed, home }) =>
+    `Over ${episodes} missions that it did not learn from, it lands in ${landed} and brings ${home}\u00a0% of the data home.`,
+  ends({ ends, wins, episodes }) {
+    const told = ends.map(
+      ({ landed, home }, k) =>
+        `${RUNS[k]} lands in ${landed} of ${episodes} missions and brings ${home}\u00a0% of the data home`,
+    );
+    return `${wins === null ? "In the end" : `${upper(RUNS[wins])} wins`}: ${told.join("; ")}.`;
+  },
+};
+export const sentence = (fact) => TEMPLATES[fact.kind](fact);

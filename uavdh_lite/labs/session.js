@@ -2,107 +2,47 @@
 // that no computation stops the drawing.
 
 import { hiddenRows, ledger } from "./channel.js";
-import { RULE, isDuel, lead, parting, reasons, verdict } from "./compare.js";
+import { cause, headline, isDuel, lead, parting } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
-import { bytesOf, readAgent, valueMap } from "./pilots.js";
-import { kinkOf, pointFact, raceFacts } from "./race.js";
+import { bytesOf, digestOf, readAgent, valueMap } from "./pilots.js";
+import { kinkOf, pointFact, raceFacts, sentence } from "./race.js";
 import {
   CHANGES,
-  LOOKS,
   TOOLS,
   YOU,
   cityOfPicture,
-  isInside,
   newStage,
   overCity,
   pictureOf,
   pointOf,
   randomMission,
   readFile,
+  requireStand,
   stageAsJson,
   textOfLink,
   withMission,
 } from "./state.js";
-import { choices, closestCall, missed } from "./think.js";
-import {
-  ACTIONS,
-  City,
-  InputError,
-  SIGNS,
-  bootstrapInterval,
-  kept,
-  require,
-  wilsonInterval,
-} from "./world.js";
-import { LONGEST, NAME, RUNS, grouped, sentence, upper } from "./words.js";
+import { cameOf, changed, worths } from "./think.js";
+import { City, InputError, require, studentInterval } from "./world.js";
+import { LONGEST, NAME, RUNS, grouped, listed, upper } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const KEPT = 100; // changes and moves that can be undone
 const RANKED = 6; // flights of the ranking
 const MISSIONS = 100;
 const TRIES = 200; // missions that are looked at for a duel
-const FIRST = 1_000_000; // the number of the first of the hundred missions: "New" does not come so far
+const FIRST = 1_000_000; // the number from which on missions are drawn for means: "New" does not come so far
 const STORY = 358; // the mission that the page begins with, chosen because it shows a difference
 const RACED = 13; // the mission of Watch, chosen because there each agent brings about what it brings on average
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
-const BESIDE = ["show", "values", "shadow", "look", "hold", "see"]; // no action of the reader, in any tool
+const BESIDE = ["show", "values", "shadow", "look", "hold", "see", "why", "whatIf"]; // no action of the reader, in any tool
 const GO_ON = [...BESIDE, "tool", "save"]; // what does not end what takes long
 const INSTEAD = ["cancel", "many", "duel"]; // what ends it on purpose
 const ELSEWHERE = ["new", "city", "duel", "race", "open"]; // what shows quite another mission
+const UNCHANGED = { away: [], moved: {}, time: 0 }; // what if nothing were different
 const LETTERS = 60; // of a word that was found in a file
 const STOPPED = new InputError("stopped");
-
-const isCell = (value) =>
-  Array.isArray(value) && value.length === 2 && value.every(Number.isInteger);
-const isHere = (value, { stage }) => isInside(value, stage.mission.city.size);
-const isDevice = (value, { stage }) =>
-  Number.isInteger(value) && value >= 0 && value < stage.mission.devices.length;
-const isOf =
-  (...values) =>
-  (value) =>
-    values.includes(value);
-
-/** What the page may tell: the entries that each kind of message needs, and what fits, `(value, session, message)`. */
-const MESSAGES = {
-  again: {},
-  cancel: {},
-  many: {},
-  new: {},
-  add: { cell: isCell },
-  city: { name: (name, { cities }) => cities.includes(name) },
-  data: { device: isDevice, value: Number.isFinite },
-  duel: { wanted: isOf(-1, 0, 1) },
-  fly: { action: isOf(...ACTIONS) },
-  hold: { cell: (cell, session) => cell === null || isHere(cell, session) },
-  look: { device: isDevice },
-  move: { device: (device, session) => device === -1 || isDevice(device, session), cell: isCell },
-  open: {
-    file: (file, session, { link }) =>
-      file instanceof File || (typeof link === "string" && link !== ""),
-  },
-  paint: {
-    cells: (cells, session) => Array.isArray(cells) && cells.every((cell) => isHere(cell, session)),
-    sign: isOf(...SIGNS),
-  },
-  policy: {
-    which: isOf(0, 1),
-    name: (name, { stage, known }) => [...known(stage.mission.city), YOU].includes(name),
-  },
-  race: { point: (point, { stage, shelf }) => pointOf(stage.looks, point, shelf) },
-  remove: { device: isDevice },
-  save: { what: isOf("stage", "mission", "png") },
-  see: {
-    name: (name) => Object.hasOwn(LOOKS, name),
-    value: (value, { shelf }, { name }) => LOOKS[name](value, shelf),
-  },
-  shadow: { cell: isHere },
-  show: { step: (step) => Number.isInteger(step) && step >= -1 },
-  time: { value: Number.isFinite },
-  tool: { tool: (tool, { tools }) => tools.includes(tool) },
-  undo: { by: isOf(-1, 1) },
-  values: { step: (step) => Number.isInteger(step) && step >= 0 },
-};
 
 /** Why something was not done, for people; nothing if they ended it themselves. */
 function reasonOf(error) {
@@ -117,62 +57,27 @@ function reasonOf(error) {
  * An agent that is read from its bytes when it is first needed.
  * @param {City | null} of the city that it was made for; null if for all up to its size
  */
-function shelved(
-  {
-    title,
-    given = false,
-    subject = `the ${given ? "agent " : ""}${title}`,
-    size,
-    scores,
-    base64,
-    read,
-  },
-  of,
-) {
+function shelved({ title, given = false, size, scores, base64, read }, of) {
+  const subject = `the ${given ? "agent " : ""}${title}`;
   const knows = (city) => (of ? of.sameAs(city) : city.size <= size);
   return {
-    title,
-    subject,
-    scores,
-    given,
-    of,
-    knows,
+    ...{ title, subject, scores, given, of, knows },
     get agent() {
       return (read ??= readAgent(bytesOf(base64)));
     },
   };
 }
 
-/** An agent of a file that the reader opened. */
-const givenAgent = (name, read) =>
-  shelved(
-    {
-      title: name,
-      size: read.size,
-      scores: read.recipe.kind === "ImitationRecipe",
-      given: true,
-      read,
-    },
-    read.city,
-  );
-
 export class Session {
   /**
-   * @param {object} data what the page holds: `cities` with rows and scenario, and a table if they are real places, `agents` with title and
-   *   base64, `colours` of devices, recorded `races`; where it begins elsewhere than with the story, a `mission` or a `tool` alone
+   * @param {object} data what the page holds: `cities` with rows and scenario, `agents` with title and base64, `colours` of devices,
+   *   recorded `races`; where it begins elsewhere than with the story, a `mission` or a `tool` alone
    * @param {(told: object) => void} post takes what the page is told
    */
   constructor(data, post) {
-    Object.assign(this, {
-      data,
-      post,
-      at: 0,
-      last: ["", 0],
-      extra: {},
-      ranking: [],
-      notes: [],
-      past: [],
-    });
+    const [last, extra, ranking, notes] = [["", 0], {}, [], []];
+    Object.assign(this, { data, post, at: 0, last, extra, ranking, notes });
+    this.drawn = FIRST + MISSIONS * Math.floor(1e6 * Math.random()); // the next mission of a hundred
     const [cities, scenarios] = [{}, {}];
     for (const { name, rows, scenario } of data.cities) {
       cities[name] = City.fromText(name, rows.join("\n"));
@@ -182,26 +87,20 @@ export class Session {
       const rows = Array.from({ length: size }, (_, r) => (r < 2 ? "LL" : "").padEnd(size, "."));
       cities[`empty ${size} × ${size}`] = City.fromText(`empty ${size} × ${size}`, rows.join("\n"));
     }
-    this.places = data.cities.filter(({ gain }) => gain);
     const races = data.races?.settings ?? [];
     const tools = TOOLS.filter((tool) => tool !== "watch" || races.length);
-    this.shelf = {
-      cities,
-      scenarios,
-      known: this.known,
-      races,
-      tools,
-      village: cities[data.races?.city],
-    };
+    const village = cities[data.races?.city];
+    this.shelf = { cities, scenarios, known: this.known, races, tools, village };
     this.agents = {};
-    for (const each of data.agents)
+    for (const each of data.agents) {
       this.agents[each.name] = shelved(each, cities[each.city] ?? null);
+    }
     this.tools = data.tool ? [data.tool] : tools;
     const first = data.mission
       ? readFile(JSON.stringify(data.mission), this.shelf)
       : newStage(randomMission(Object.values(cities)[0], STORY, this.shelf), this.shelf);
     this.history = [data.tool ? CHANGES.tool(first, { tool: data.tool }) : first];
-    this.hangar = new Hangar(this.stage.mission, this.agents, this.places);
+    this.hangar = new Hangar(this.stage.mission, this.agents);
   }
 
   /** The names of who can fly over a city: the agents made for it first, unless the reader gave one. */
@@ -223,19 +122,16 @@ export class Session {
   /** The names of all cities: those that were painted or opened, and those of the shelf. */
   get cities() {
     const shelf = Object.keys(this.shelf.cities);
-    const own = this.history
-      .map(({ mission }) => mission.city.name)
-      .filter((name) => !shelf.includes(name));
-    return [...new Set([...own, ...shelf])];
+    const own = this.history.map(({ mission }) => mission.city.name);
+    return [...new Set([...own.filter((name) => !shelf.includes(name)), ...shelf])];
   }
 
   /** The name of a city that is painted: its own, unless the shelf has it, else the next that no other has. */
   paintedName(name) {
     if (name && !Object.hasOwn(this.shelf.cities, name)) return name;
     const taken = this.history.slice(0, this.at + 1).map(({ mission }) => mission.city.name);
-    return ["my_city", ...taken.map((_, k) => `my_city_${k + 2}`)].find(
-      (each) => !taken.includes(each),
-    );
+    const more = taken.map((_, k) => `my_city_${k + 2}`);
+    return ["my_city", ...more].find((each) => !taken.includes(each));
   }
 
   /** A stage of the history, looked at as one looks now. */
@@ -249,7 +145,6 @@ export class Session {
     if (!GO_ON.includes(told.kind)) [this.work, this.ended] = [null, !INSTEAD.includes(told.kind)];
     let refused = "";
     try {
-      this.requireFits(told);
       if (this.does[told.kind]) await this.does[told.kind].call(this, told);
       else this.take(CHANGES[told.kind](this.stage, told, this.shelf), told.kind);
     } catch (error) {
@@ -258,73 +153,50 @@ export class Session {
     try {
       this.render(told, refused);
     } catch (error) {
-      Object.assign(this, this.drawn); // what cannot be drawn is not kept
+      Object.assign(this, this.shown); // what cannot be drawn is not kept
       this.render(told, reasonOf(error));
     }
-  }
-
-  /** The error names what is wrong with a message. */
-  requireFits(told) {
-    require(Object.hasOwn(MESSAGES, told.kind), `${told.kind}: nothing that can be done here`);
-    for (const [entry, fits] of Object.entries(MESSAGES[told.kind]))
-      require(fits(
-        told[entry],
-        this,
-        told,
-      ), `${told.kind}: ${entry} ${JSON.stringify(told[entry])} does not fit here`);
   }
 
   /** Shows what the stage looks like now, in answer to what was told. */
   render({ kind, quiet, number } = {}, refused = "") {
     const { stage, hangar, extra, history, at } = this;
     const flights = this.flights();
-    const film = filmOf(hangar, flights, this.data.colours);
+    const { moved } = stage.tool === "think" ? this.whatIf : UNCHANGED;
+    const film = filmOf(hangar, flights, this.data.colours, moved);
     const text = JSON.stringify(film);
     if (text !== this.filmed) [this.filmed, this.version] = [text, (this.version ?? 0) + 1];
+    const panel = this.panels[stage.tool]?.call(
+      this,
+      flights.map(([, flight]) => flight),
+    );
     const scene = {
       tools: this.tools,
       state: this.summary(),
       stage: stageAsJson(stage),
-      past: this.newPast(),
       film,
       version: this.version,
-      panel: { ...this.panel(flights), ...this.extra },
-      ...(stage.tool === "watch"
-        ? { warnings: [] }
-        : {
-            // it is about the village
-            place: hangar.place && sentence({ kind: "place", ...hangar.place }),
-            warnings: warnings(hangar.environment, stage.mission).map(sentence),
-          }),
+      panel: { ...panel, ...extra },
+      warnings: stage.tool === "watch" ? [] : warnings(hangar.environment, stage.mission), // it is about the village
       refused: refused && `Not ${kind === "move" ? "moved" : "done"}: ${refused}.`,
-      note: this.notes.splice(0).map(sentence).join(" "),
+      note: this.notes.splice(0).join(" "),
       number,
       quiet: quiet || BESIDE.includes(kind), // no action of the reader
       fresh: !this.data.mission && !this.data.tool,
       working: Boolean(this.work),
     };
-    this.drawn = { hangar, extra, history, at };
+    this.shown = { hangar, extra, history, at };
     this.post({ kind: "scene", scene });
-  }
-
-  /** All beside the stage that a reload takes up again, the stages before and after it, if that is no longer what the page was told. */
-  newPast() {
-    const { at, ranking, history, past } = this;
-    const others = history.filter((_, k) => k !== at);
-    const now = [at, ranking, ...others];
-    if (now.length === past.length && now.every((each, k) => each === past[k])) return undefined;
-    this.past = now;
-    return { at, ranking, others: others.map(stageAsJson) };
   }
 
   summary() {
     const { mission, ...look } = this.stage;
     const names = [...this.known(mission.city), ...(look.flown ? [YOU] : [])];
     const known = names.map((name) => whoIs(name, this.agents));
-    const agents = Object.values(this.agents).filter(
+    const absent = Object.values(this.agents).filter(
       ({ title }) => title && known.every((each) => each.title !== title),
     );
-    const absent = [...new Set(agents.map(({ subject }) => subject))];
+    const all = [...new Set(absent.map(({ title }) => title))];
     return {
       ...look,
       city: mission.city.name,
@@ -334,7 +206,7 @@ export class Session {
       most: mission.maxDevices,
       flyingTime: mission.flyingTime,
       known: known.map(({ name, title }) => [name, title]),
-      absent: absent.length ? sentence({ kind: "absent", absent }) : "",
+      absent: all.length ? `Not trained for this city: ${listed(all)}.` : "",
       undo: Boolean(this.history[this.next(-1)]),
       redo: Boolean(this.history[this.next(1)]),
     };
@@ -343,9 +215,8 @@ export class Session {
   /** The two that fly any mission. */
   get pair() {
     const { policies } = this.stage;
-    require(!policies.includes(
-      YOU,
-    ), "choose two agents, because your flight belongs to this mission");
+    const any = !policies.includes(YOU);
+    require(any, "choose two agents, because your flight belongs to this mission");
     return policies;
   }
 
@@ -357,6 +228,11 @@ export class Session {
   get thinker() {
     const { policies, mission } = this.stage;
     return [...policies, ...this.known(mission.city)].find((name) => this.agents[name]) ?? null;
+  }
+
+  /** What is tried in Think. */
+  get whatIf() {
+    return this.extra.whatIf ?? UNCHANGED;
   }
 
   /** The flights that are drawn, with their titles; the ghost is the second one. */
@@ -376,63 +252,45 @@ export class Session {
     return names.map((name) => [whoIs(name, this.agents).title, hangar.flight(name, flown)]);
   }
 
-  /** What the tool shows next to the map. */
-  panel(flights) {
-    return (
-      this.panels[this.stage.tool]?.call(
-        this,
-        flights.map(([, flight]) => flight),
-      ) ?? {}
-    );
-  }
-
+  /** What the tools show next to the map. */
   panels = {
     fly(flights) {
       const [you, ghost] = flights.map(numbers);
       const rival = whoIs(this.ghost, this.agents);
-      const end = you.ended
-        ? sentence({
-            kind: "end",
-            verdict: verdict([whoIs(YOU, this.agents), rival], [you, ghost]),
-          })
-        : "";
-      return { you, ghost, rival, end, ranking: this.ranking.slice(0, RANKED) };
+      const said = headline([whoIs(YOU, this.agents), rival], [you, ghost]);
+      return { you, ghost, rival, headline: said, ranking: this.ranking.slice(0, RANKED) };
     },
     compare(flights) {
-      const who = this.stage.policies.map((name) => whoIs(name, this.agents));
+      const { hangar, stage } = this;
+      const who = stage.policies.map((name) => whoIs(name, this.agents));
       const results = flights.map(numbers);
-      const { environment } = this.hangar;
-      const part = parting(...flights, environment.size);
-      const facts = reasons(who, flights, part, environment);
-      const look = [part ?? undefined, ...facts.map((fact) => fact.look)].filter(
-        (step) => step !== undefined,
-      );
-      return {
-        parting: part,
-        look: [...new Set(look)].sort((one, other) => one - other),
-        rule: sentence(RULE),
-        verdict: sentence(verdict(who, results)),
-        why: facts.map(sentence),
-        results: results.map((each, k) => ({ ...each, who: who[k] })),
-      };
+      const part = parting(...flights);
+      const flyOn = (which, actions) =>
+        [YOU, "random"].includes(stage.policies[which])
+          ? null // nobody knows how they would go on
+          : numbers(hangar.fly(stage.mission, stage.policies[which], "", actions));
+      const why = cause(who, flights, results, part, flyOn);
+      return { who, parting: part, headline: headline(who, results), cause: why };
     },
     think([flight]) {
-      const { policies, mission } = this.stage;
-      const name = this.thinker;
+      const { hangar, whatIf, thinker: name } = this;
+      const { mission } = this.stage;
       if (!name) return { agent: null };
+      const { agent } = this.agents[name];
+      const values = flight.values.map(finite);
+      const states = flight.states.slice(0, -1);
+      const asks = (state) => hangar.pilot(name).qValues(changed(state, whatIf, mission.city));
       const agents = this.known(mission.city).filter((each) => this.agents[each]);
-      const says = choices(flight, this.hangar);
       return {
         name,
         agent: whoIs(name, this.agents).title,
-        instead: name === policies[0] ? null : whoIs(policies[0], this.agents),
         agents: agents.map((each) => [each, whoIs(each, this.agents).title]),
         number: this.agents[name].scores ? "score" : "Q-value",
-        actions: ACTIONS,
-        values: flight.values.map((each) => Array.from(each)),
-        closest: closestCall(flight),
-        says: says.map(sentence),
-        missed: missed(flight, says, this.hangar).map((fact) => (fact ? sentence(fact) : "")),
+        values,
+        whatIf,
+        other: whatIf === UNCHANGED ? null : states.map((state) => finite(asks(state))),
+        expected: flight.values.map((each) => Math.max(...each)),
+        came: states.map((_, step) => cameOf(flight.reward, step, agent.recipe.discount)),
       };
     },
     channel() {
@@ -440,13 +298,9 @@ export class Session {
       return { device, ...ledger(this.hangar.environment, mission.devices[device]) };
     },
     watch() {
-      const {
-        stage: { looks, point, mission },
-        shelf: { races, village },
-        data: {
-          races: { episodes },
-        },
-      } = this;
+      const { looks, point, mission } = this.stage;
+      const { races, village } = this.shelf;
+      const { episodes } = this.data.races;
       const before = this.history[this.next(-1)]?.mission.city ?? village;
       const runs = looks.runs.map((k) => races[k]);
       const bare = ({ points, ...run }) => ({
@@ -474,9 +328,9 @@ export class Session {
   take(stage, kind) {
     const { mission, flown, policies } = this.stage;
     const { flyingTime, city } = stage.mission;
-    require(city.name.length <= NAME, `city.name: at most ${NAME} letters fit here`);
+    require(city.name.length <= NAME, `the name of a city has at most ${NAME} letters here`);
     require(flyingTime <=
-      LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST} units of time`);
+      LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST}`);
     if (stage.mission !== mission || stage.flown !== flown) {
       const soon =
         ["move", "data", "time"].includes(kind) && performance.now() - this.last[1] < TOGETHER;
@@ -488,7 +342,7 @@ export class Session {
       this.last = [kind, performance.now()];
       const left = this.history[this.at - 1]?.flown; // which a drag has ended, too
       if (left && !ELSEWHERE.includes(kind) && stage.mission !== mission)
-        this.notes.push({ kind: "grounded", moves: left.length });
+        this.notes.push(`Your flight belongs to the mission before this change: ↶ brings it back.`);
     } else this.stage = stage;
     if (stage.mission !== mission) this.settle();
     else if (String(stage.policies) !== String(policies)) this.extra = {};
@@ -507,7 +361,7 @@ export class Session {
   /** What belongs to a mission begins anew with another. */
   settle() {
     this.extra = {};
-    this.hangar = new Hangar(this.stage.mission, this.agents, this.places, this.hangar);
+    this.hangar = new Hangar(this.stage.mission, this.agents, this.hangar);
   }
 
   /**
@@ -517,10 +371,9 @@ export class Session {
   async long(text, run) {
     const mine = (this.work = {});
     const requireWanted = () => {
-      if (this.work !== mine)
-        throw text && this.ended
-          ? new InputError(`${text} was ended by what was done meanwhile`)
-          : STOPPED;
+      if (this.work === mine) return;
+      const ended = `${text} was ended by what was done meanwhile`;
+      throw text && this.ended ? new InputError(ended) : STOPPED;
     };
     let before = performance.now();
     const turn = async (share) => {
@@ -539,6 +392,26 @@ export class Session {
       if (this.work === mine) this.work = null;
       this.post({ kind: "progress", text: "" });
     }
+  }
+
+  /** Adds an agent, told apart from all others by its weights. @returns {string} its name */
+  addAgent(title, bytes) {
+    const read = readAgent(bytes);
+    const name = `${title} ${digestOf(bytes)}`;
+    const same = Object.entries(this.agents).some(
+      ([other, each]) => each.title === title && other !== name,
+    );
+    this.agents[name] ??= shelved(
+      {
+        title: same ? `${title} ${digestOf(bytes).slice(0, 4)}` : title,
+        size: read.size,
+        scores: read.recipe.kind === "ImitationRecipe",
+        given: true,
+        read,
+      },
+      read.city,
+    );
+    return name;
   }
 
   /** What is done that is no change of the stage alone. */
@@ -583,64 +456,56 @@ export class Session {
       this.take(CHANGES.fly(stage, told), "fly");
       const you = numbers(hangar.flight(YOU, this.stage.flown));
       if (!you.ended) return;
-      const ghost = numbers(hangar.flight(this.ghost));
-      const { city, flyingTime } = stage.mission;
-      const rank = {
-        city: city.name,
-        time: flyingTime,
-        ...you,
-        ahead: lead([you, ghost]),
-        ghost: whoIs(this.ghost, this.agents).title,
-      };
+      const ahead = lead([you, numbers(hangar.flight(this.ghost))]);
+      const rank = { ...you, ahead, ghost: whoIs(this.ghost, this.agents).title };
       this.ranking = [...this.ranking, rank].sort((one, other) => other.ahead - one.ahead);
     },
-    /** The next mission in which the first policy wins (1), loses (−1), or is level (0); a search that found none goes on. */
+    /** The next mission in which the first policy wins (1) or loses (−1); a search that found none goes on. */
     async duel({ wanted }) {
       const { stage, hangar, pair } = this;
       const { city, seed } = stage.mission;
       const about = String([city.rows, seed, pair, wanted]);
       const from = this.tried?.about === about ? this.tried.to : seed;
-      const found = await this.long("the search for a duel", async (turn) => {
+      const found = await this.long("the search", async (turn) => {
         for (let k = 1; k <= TRIES; k += 1) {
           const mission = randomMission(city, from + k, this.shelf);
-          const flights = pair.map((name) => hangar.fly(mission, name));
-          if (isDuel(wanted, flights.map(numbers), parting(...flights, city.size))) return mission;
+          const results = pair.map((name) => numbers(hangar.fly(mission, name)));
+          if (isDuel(wanted, results)) return mission;
           await turn(k / TRIES);
         }
         this.tried = { about, to: from + TRIES };
-        const who = wanted && whoIs(pair[wanted > 0 ? 0 : 1], this.agents);
-        throw new InputError(sentence({ kind: "none", who, missions: TRIES }));
+        const { subject } = whoIs(pair[wanted > 0 ? 0 : 1], this.agents);
+        throw new InputError(
+          `${subject} is ahead in none of the next ${TRIES} missions: press again to go on`,
+        );
       });
       this.take({ ...withMission(this.stage, found, this.shelf), policies: pair }, "duel");
     },
-    /** The means of both policies over a hundred random missions, with their intervals. */
-    async many({ quiet }) {
-      const {
-        stage: {
-          mission: { city },
-        },
-        hangar,
-        pair,
-      } = this;
+    /** The means of both policies over a hundred missions that nobody flew before, with their intervals. */
+    async many() {
+      const { hangar, pair } = this;
+      const { city } = this.stage.mission;
+      const from = this.drawn;
+      this.drawn += MISSIONS;
       const rows = pair.map(() => []);
-      await this.long(quiet ? "" : `the flight of ${MISSIONS} missions`, async (turn) => {
+      await this.long(`the flight of ${MISSIONS} missions`, async (turn) => {
         for (let k = 0; k < MISSIONS; k += 1) {
-          const mission = randomMission(city, FIRST + k, this.shelf);
+          const mission = randomMission(city, from + k, this.shelf);
           for (const [which, name] of pair.entries()) {
-            rows[which].push(numbers(hangar.fly(mission, name)));
+            const { landed, share } = numbers(hangar.fly(mission, name));
+            rows[which].push(landed ? 100 * share : 0);
             await turn((k + which / 2) / MISSIONS);
           }
         }
       });
-      const percent = (interval) => interval.map((share) => Math.round(100 * share));
-      const many = rows.map((flown, which) => {
-        return {
-          who: whoIs(pair[which], this.agents),
-          both: percent(bootstrapInterval(flown.map((each) => Number(each.landed) * each.share))),
-          landed: percent(wilsonInterval(flown.map((each) => Number(each.landed)))),
-          time: percent(bootstrapInterval(flown.map((each) => each.timeUsed)))[0],
-        };
-      });
+      const many = {
+        rows: rows.map((row, k) => ({
+          who: whoIs(pair[k], this.agents),
+          both: studentInterval(row),
+        })),
+        difference: studentInterval(rows[0].map((each, k) => each - rows[1][k])),
+        from,
+      };
       this.extra = { ...this.extra, many };
     },
     /** The best value if the UAV were over each cell at a step. */
@@ -650,16 +515,39 @@ export class Session {
       const { states, action } = hangar.flight(thinker);
       const at = Math.min(step, action.length - 1);
       const map = valueMap(hangar.pilot(thinker), states[at]);
-      this.extra = {
-        ...this.extra,
-        map: { step: at, values: Array.from(map, (each) => (Number.isFinite(each) ? each : null)) },
+      this.extra = { ...this.extra, map: { step: at, values: finite(map) } };
+    },
+    /** What each device is worth at a step, and what its absence changes. */
+    why({ step }) {
+      const { hangar, thinker } = this;
+      if (!thinker) return;
+      const { states, action } = hangar.flight(thinker);
+      const at = Math.min(step, action.length - 1);
+      const why = {
+        step: at,
+        ...worths(states[at], (state) => hangar.pilot(thinker).qValues(state)),
       };
+      this.extra = { ...this.extra, why };
+    },
+    /** Tries a device away or elsewhere, or another time; `clear` ends it. */
+    whatIf({ device, away, cell, time, clear }) {
+      const { whatIf } = this;
+      const { [device]: _, ...others } = whatIf.moved;
+      const gone = whatIf.away.filter((each) => each !== device);
+      let next = whatIf;
+      if (away !== undefined)
+        next = { ...whatIf, away: away ? [...gone, device] : gone, moved: others };
+      if (cell) {
+        requireStand(this.stage.mission, device, cell);
+        next = { ...whatIf, away: gone, moved: { ...others, [device]: cell } };
+      }
+      if (time !== undefined) next = { ...next, time };
+      const none = clear || (!next.away.length && !Object.keys(next.moved).length && !next.time);
+      this.extra = { ...this.extra, whatIf: none ? UNCHANGED : next };
     },
     shadow({ cell }) {
-      this.extra = {
-        ...this.extra,
-        shadow: { cell, rows: hiddenRows(this.hangar.environment, cell) },
-      };
+      const rows = hiddenRows(this.hangar.environment, cell);
+      this.extra = { ...this.extra, shadow: { cell, rows } };
     },
     /** Chooses the point of a race whose agent flies, over the city in which it learned. */
     race({ point }) {
@@ -674,62 +562,40 @@ export class Session {
       const before = places(this.stage);
       const name = this.paintedName(this.stage.mission.city.name);
       this.take(CHANGES.paint(this.stage, { ...told, name }, this.shelf), "paint");
-      const moves = places(this.stage).map((cell, thing) => ({
-        thing: thing < before.length - 1 ? `device ${thing}` : "the start",
-        cell,
-      }));
-      const moved = moves.filter(({ cell }, k) => String(cell) !== String(before[k]));
-      if (moved.length) this.notes.push({ kind: "moved", moved });
+      const moved = places(this.stage).flatMap((cell, k) =>
+        String(cell) === String(before[k])
+          ? []
+          : [
+              `${k < before.length - 1 ? `device ${k}` : "the start"} to row ${cell[0]}, column ${cell[1]}`,
+            ],
+      );
+      if (moved.length) this.notes.push(`What stood there has moved: ${listed(moved)}.`);
     },
-    async open({ file, link, here, past, others }) {
+    async open({ file, link, others }) {
       const notes = [];
       const stage = await this.long("", () => this.opened(file, link, notes));
       const { mission } = this.stage;
       const known = JSON.stringify(mission.asJson()) === JSON.stringify(stage.mission.asJson());
-      const begins = here && this.history.length === 1;
-      const flown = here && file && known && !begins ? this.stage.flown : stage.flown; // Back leaves a flight of the same mission as it is
       this.filmed = null; // so that its step is shown, though the flights may be the same
-      this.take(known ? { ...stage, mission, flown } : stage, "open");
-      if (begins && past) this.recall(past);
-      else if (begins && this.at > 0)
-        [this.history, this.at] = [this.history.slice(1), this.at - 1]; // there is nothing before
-      const who = stage.policies.map((name) => whoIs(name, this.agents));
-      this.notes.push(...notes.map((each) => ({ ...each, who, city: stage.mission.city.name })));
-      if (file?.name && (others || !notes.length))
-        this.notes.push({ kind: others ? "others" : "opened", file: file.name });
+      this.take(known ? { ...stage, mission } : stage, "open");
+      this.notes.push(...notes);
+      if (others) this.notes.push(`Only ${file.name} was opened: open one file at a time.`);
+      else if (file?.name && !notes.length) this.notes.push(`${file.name} is open.`);
     },
     async save({ what }) {
       const { stage } = this;
       const { mission } = stage;
       if (what === "png") {
-        this.post({
-          kind: "file",
-          name: `${mission.city.name}.png`,
-          blob: await pictureOf(mission.city),
-        });
-        return;
+        const blob = await pictureOf(mission.city);
+        return this.post({ kind: "file", name: `${mission.city.name}.png`, blob });
       }
-      this.notes.push({ kind: "saved", file: `${mission.city.name}_${what}.json` });
+      const name = `${mission.city.name}_${what}.json`;
+      this.notes.push(`Saved as ${name}.`);
       const values = what === "mission" ? mission.asJson() : stageAsJson(stage);
       const blob = new Blob([JSON.stringify(values, null, 1)], { type: "application/json" });
-      this.post({ kind: "file", name: `${mission.city.name}_${what}.json`, blob });
+      this.post({ kind: "file", name, blob });
     },
   };
-
-  /** Takes up what could be undone when the page was left. */
-  recall({ at, others, ranking }) {
-    const text = (mission) => JSON.stringify(mission);
-    const missions = new Map([[text(this.stage.mission.asJson()), this.stage.mission]]); // moves of a flight have the same one
-    const stages = others.map((each) => {
-      const stage = readFile(text(each), this.shelf);
-      return { ...stage, mission: kept(missions, text(each.mission), () => stage.mission) };
-    });
-    Object.assign(this, {
-      history: [...stages.slice(0, at), this.stage, ...stages.slice(at)],
-      at,
-      ranking,
-    });
-  }
 
   /** The stage of a file or a link: a stage, a mission, a city's picture, or an agent. */
   async opened(file, link, notes) {
@@ -740,17 +606,16 @@ export class Session {
       return overCity(this.stage, city, this.shelf);
     }
     if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf, notes);
-    const name = file.name.replace(/\.safetensors$/i, "");
-    const agent = readAgent(new Uint8Array(await file.arrayBuffer()));
-    this.agents[name] = givenAgent(name, agent);
+    const title = file.name.replace(/\.safetensors$/i, "");
+    const name = this.addAgent(title, new Uint8Array(await file.arrayBuffer()));
+    const { of, agent } = this.agents[name];
     const knows = this.agents[name].knows(this.stage.mission.city);
-    if (!knows && !agent.city)
+    if (!knows && !of)
       throw new InputError(`this agent flies over cities of at most ${agent.size} cells on a side`);
-    const there = knows ? this.stage : overCity(this.stage, agent.city, this.shelf);
-    return CHANGES.policy(
-      { ...there, tool: there.tool === "watch" ? "compare" : there.tool },
-      { which: 0, name },
-      this.shelf,
-    );
+    const there = knows ? this.stage : overCity(this.stage, of, this.shelf);
+    const tool = ["compare", "think"].includes(there.tool) ? there.tool : "compare";
+    return CHANGES.policy({ ...there, tool }, { which: 0, name }, this.shelf);
   }
 }
+
+const finite = (values) => Array.from(values, (each) => (Number.isFinite(each) ? each : null));

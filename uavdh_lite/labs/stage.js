@@ -12,51 +12,68 @@ import {
   square,
 } from "../player.js";
 import { attend } from "./hands.js";
+import { button, options } from "./html.js";
+import { brush } from "./paint.js";
 import { linkOf } from "./state.js";
-import { TOOLS, brush, button, options } from "./tools.js";
+import { TOOLS } from "./tools.js";
 import { LONGEST } from "./words.js";
 
 const MORE = "Cells, numbers and files";
 const LINK = "stage=";
 const LONG = ["many", "duel"]; // they show how far they are, and others do not wait for them
 const SLOW = 300; // ms without an answer after which a word is due
-const KEEP = 200; // ms from a change until the browser keeps it
-const LEFT = "uavdh_lite: left"; // the key of the state in which the page was left
-const BURST = 400; // ms between changes that are one entry of the browser's history
+const KEEP = 300; // ms from a change until the address says it
+const STORY = [
+  [
+    "fly",
+    "A drone hears devices by radio: the nearer the better, and hardly behind buildings. It must land on blue in time, or all is lost.",
+  ],
+  [
+    "compare",
+    "Orange is greedy, a rule: fly to the nearest device. Blue is a neural network that learned by trial and error. Watch them part.",
+  ],
+  [
+    "think",
+    "Bars show what the network expects of each action. Take a device away, and see whether it still wants the same.",
+  ],
+  [
+    "fly",
+    "Your turn: bring home more than the pale ghost, which is greedy. Later, let a network of your own learn it.",
+  ],
+];
 const FULL = `<svg viewBox="0 0 16 16" width="16" aria-hidden="true"><path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5"/></svg>`;
 
-const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
-    <div role="tablist" aria-label="tools" ${tools.length > 1 ? "" : "hidden"}>${tools.map(tab).join("")}</div>
-    ${CONTROLS}
-    <div class="actions">
-      <select data-set="city" aria-label="city"></select>
-      ${button("New", { kind: "new" }, 'title="the next random mission; their order is the same for everybody"')}
-      ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo" title="undo the last change; in Fly, the last move"')}
-      ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo" title="redo it"')}
-      <button type="button" class="copy" data-name="Link">Link</button>
-      <button type="button" class="more" aria-haspopup="dialog" title="${MORE}">More</button>
-      <button type="button" class="full" aria-label="full screen">${FULL}</button>
-    </div></div>
-  <div class="main"><div class="inside"><div class="stages"></div>
-    <div class="tool" id="panel" role="tabpanel" tabindex="0"></div>
-    <div class="caption" hidden><div class="told" role="status"></div>
-      <div class="row"><button type="button" class="go"></button><button type="button" class="skip">Skip the story</button></div></div></div>
-    <dialog class="drawer" aria-label="${MORE}">
-      <form method="dialog"><h2>${MORE}</h2><button class="close" aria-label="close">×</button></form>
-      <table class="devices"></table>
-      <div class="row fields"></div>
-      <div class="row"><button type="button" data-set="place">Add a device</button><span class="hint" role="status"></span></div>
-      <div class="row">${button("Save", { kind: "save", what: "stage" })}
-        ${button("Save the mission alone", { kind: "save", what: "mission" })}
-        <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label>
-        <label>or a link <input type="text" data-set="link" placeholder="…#${LINK}…"></label>
-        <button type="button" class="copy" data-name="Copy the link">Copy the link</button></div>
-      <p>Save keeps the city, the mission and all that is chosen here in a file; the mission alone has neither rivals nor
-      step. Open reads such a file, a mission, a city's PNG or an agent's checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
-      and move them with the arrow keys; Delete removes a device.</p></dialog>
-    <div class="notice refusal" role="alert"></div>
-    <div class="notice busy" role="status" hidden><span></span><progress></progress>
-      ${button("Cancel", { kind: "cancel" })}</div></div>`;
+const page = (tools) => `<div class="main">
+  <header><h1>uavdh_lite labs</h1><p>A drone collects data by radio and must be home in time.
+    Beat a rule, question a neural network.</p></header>
+  <div role="tablist" aria-label="tools" ${tools.length > 1 ? "" : "hidden"}>${tools.map(tab).join("")}</div>
+  <div class="actions"><select data-set="city" aria-label="city"></select>
+    ${button("New", { kind: "new" }, 'title="the next random mission; their order is the same for everybody"')}
+    ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo" title="undo the last change; in Fly, the last move"')}
+    ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo" title="redo it"')}
+    <button type="button" class="more" aria-haspopup="dialog" title="${MORE}">More</button>
+    <button type="button" class="full" aria-label="full screen">${FULL}</button></div>
+  ${CONTROLS}
+  <div class="stages"></div>
+  <div class="tool" id="panel" role="tabpanel" tabindex="0"></div>
+  <div class="caption" hidden><p class="told" role="status"></p>
+    <div class="row"><button type="button" class="go">Next</button><button type="button" class="skip">End</button></div></div>
+  <dialog class="drawer" aria-label="${MORE}">
+    <form method="dialog"><h2>${MORE}</h2><button class="close" aria-label="close">×</button></form>
+    <table class="devices"></table>
+    <div class="row fields"></div>
+    <div class="row"><button type="button" data-set="place">Add a device</button><span class="hint" role="status"></span></div>
+    <div class="row">${button("Save", { kind: "save", what: "stage" })}
+      ${button("Save the mission alone", { kind: "save", what: "mission" })}
+      <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label></div>
+    <div class="row"><button type="button" class="copy" data-name="Copy a link">Copy a link</button>
+      <label>or open one <input type="text" data-set="link" placeholder="…#${LINK}…"></label></div>
+    <p>Open reads a saved page, a mission, a city's PNG or an agent's checkpoint; dropping the file onto the page does the
+    same. On the map, drag devices and the start; or press Tab and move them with the arrow keys; Delete removes a device.
+    Among the tools, arrows choose a tab and Enter opens it.</p></dialog>
+  <div class="notice refusal" role="alert"></div>
+  <div class="notice busy" role="status" hidden><span></span><progress></progress>
+    ${button("Cancel", { kind: "cancel" })}</div></div>`;
 const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-tool="${tool}"
   aria-controls="panel">${TOOLS[tool].title}</button>`;
 
@@ -68,14 +85,12 @@ const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-to
  */
 export function draw(el, model) {
   const find = (selector) => el.querySelector(selector);
-  let [scene, past, version, drawnTool, update] = [null, null, null, null, () => []];
+  let [scene, version, drawnTool, update] = [null, null, null, () => []];
   let [asked, waiting, settle] = [0, [], () => {}]; // how much was asked, what is not answered yet, what is called when all is
   const next = new Map(); // what is asked when it has come, the last of each kind
-  let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of what is to be kept
-  let [clock, story] = [null, false]; // the playback; whether the story is told
-  let opening = null; // the stage that the story is about, where the page has one
-  let again = []; // what had no answer before a reload
-  let entry = {}; // of the browser's history: its text, its place and when it was new; empty while another is opened
+  let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of the address
+  let [clock, story] = [null, -1]; // the playback; the caption that is told, −1 for none
+  let [opening, address] = [null, ""]; // the stage that the story is about, where the page has one; the address that was written
   el.classList.add("uavdh-player", "uavdh-stage");
 
   const stage = {
@@ -108,7 +123,10 @@ export function draw(el, model) {
     fill(selector, html) {
       const place = find(selector);
       if (!place || place.written === html) return;
+      const open = [...place.querySelectorAll("details[open]")].map((each) => each.className);
       [place.written, place.innerHTML] = [html, html];
+      for (const each of place.querySelectorAll("details"))
+        each.open = open.includes(each.className);
       const words = new Set(); // those that Tab has come to: each explains itself once
       for (const term of el.querySelectorAll(".tool .term")) {
         term.tabIndex = words.has(term.ariaLabel) ? -1 : 0;
@@ -144,15 +162,8 @@ export function draw(el, model) {
     tellStory: () =>
       stage.ask({ kind: "open", file: new File([JSON.stringify(opening)], ""), story: true }),
     endStory,
-    goOn() {
-      const { time, last } = clock.now;
-      if (time >= last) endStory();
-      else clock.show(time, true);
-    },
-    skipStory() {
-      endStory();
-      clock.show(clock.now.last);
-    },
+    goOn: () => tell(story + 1),
+    seek: (time) => clock.show(time),
     async copyLink(button) {
       const answered = new Promise((resolve) => (waiting.length ? (settle = resolve) : resolve()));
       const text = answered
@@ -163,10 +174,7 @@ export function draw(el, model) {
         await navigator.clipboard.write([new ClipboardItem({ "text/plain": blob })]); // promised during the press
         button.textContent = "Copied";
         if (location.protocol === "file:")
-          stage.refuse(
-            "Whoever opens the link needs this file, too: open it, press More and paste the link.",
-            true,
-          );
+          stage.refuse("Whoever opens the link needs this file, too.", true);
         setTimeout(() => (button.textContent = button.dataset.name), 1500);
       } catch {
         find(".drawer").show();
@@ -177,13 +185,13 @@ export function draw(el, model) {
         );
       }
     },
-    /** Opens a link's part of an address, or a text that ends with it; `here` if the address is there already. */
-    openLink(text, here = false) {
+    /** Opens a link's part of an address, or a text that ends with it. */
+    openLink(text) {
       const there = text.split(LINK)[1]?.replace(/%..|[^\w-]/g, ""); // a mail adds full stops, quotes and line breaks
-      if (there) stage.ask({ kind: "open", link: there, here });
+      if (there) stage.ask({ kind: "open", link: there });
       else if (text)
         stage.refuse(
-          `Not done: ${here ? "this address" : "this"} is not a link to a page of the labs, which has letters after #${LINK}.`,
+          `Not done: this is not a link to a page of the labs, which has letters after #${LINK}.`,
         );
       return Boolean(there);
     },
@@ -193,10 +201,11 @@ export function draw(el, model) {
     told = { ...told, number: (asked += 1) };
     if (!LONG.includes(told.kind)) {
       waiting.push(told);
+      find(".main").ariaBusy = true;
       if (told.kind === "paint") stage.fresh();
       clearTimeout(slow);
       slow = setTimeout(
-        () => busy(told.kind === "values" ? "Working out the value of each cell …" : "Flying …"),
+        () => busy(["values", "why"].includes(told.kind) ? "Asking the network …" : "Flying …"),
         SLOW,
       );
     }
@@ -237,10 +246,9 @@ export function draw(el, model) {
     const warnings = scene.warnings
       .map((text) => `<p class="warning">${escaped(text)}</p>`)
       .join("");
-    const place = scene.place ? `<p class="place"><small>${escaped(scene.place)}</small></p>` : "";
-    const other = drawnTool !== state.tool || (changed && state.tool === "compare"); // its verdict comes first
-    if (other) find("#panel").scrollTop = find(".inside").scrollTop = 0;
-    stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${place}${legend(film)}`);
+    if (drawnTool !== state.tool) find("#panel").scrollTop = 0;
+    const signs = `<details class="signs"><summary>Signs</summary>${legend(film)}</details>`;
+    stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${signs}`);
     el.querySelectorAll(".map svg").forEach((map, k) => {
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
       map.querySelector(".over").innerHTML = `${tool.over?.(scene, k) ?? ""}<path class="cursor"/>`;
@@ -267,7 +275,7 @@ export function draw(el, model) {
   }
 
   function drawMaps(film, tool) {
-    const shown = tool === "compare" ? film : { ...film, flights: film.flights.slice(0, 1) };
+    const shown = { ...film, flights: film.flights.slice(0, 1) };
     const still = Boolean(TOOLS[tool].still?.(scene));
     if (still) shown.flights = shown.flights.map(atStart);
     el.classList.toggle("still", still);
@@ -282,13 +290,11 @@ export function draw(el, model) {
       map.setAttribute("aria-label", `map: ${cursor}`);
     }
     for (const start of el.querySelectorAll(".map g:has(> g > .start)")) start.dataset.device = -1;
-    for (const bar of el.querySelectorAll(".flight ~ .flight .bar"))
-      bar.removeAttribute("tabindex"); // the first map's do the same
     for (const thing of el.querySelectorAll(".map g[data-device]")) {
       const k = Number(thing.dataset.device);
       const [name, [row, col]] =
         k < 0 ? ["start", scene.state.start] : [`device ${k}`, film.devices[k].cell];
-      thing.setAttribute("tabindex", thing.closest(".flight ~ .flight") ? "-1" : "0");
+      thing.setAttribute("tabindex", "0");
       thing.setAttribute("role", "button");
       thing.setAttribute("aria-label", `${name}, row ${row}, column ${col}; arrows move it`);
     }
@@ -355,129 +361,40 @@ export function draw(el, model) {
     );
   }
 
-  // What the browser keeps, for a reload, for back and forward, and as the page's address
-
   /** The step that is shown, −1 for the last. */
   function shownStep() {
     const { time, last } = clock.now;
-    if (story || scene.state.tool === "fly") return scene.state.step;
-    return time === last ? -1 : Math.floor(time);
+    return scene.state.tool === "fly" ? scene.state.step : time === last ? -1 : Math.floor(time);
   }
 
   const stageNow = () => ({ ...scene.stage, step: shownStep() });
-  const stateNow = () => {
-    const asks = [...waiting, ...again, ...next.values()];
-    return {
-      stage: stageNow(),
-      asks,
-      sign: brush.sign,
-      story: story && { step: Math.floor(clock.now.time) },
-    };
-  };
-  const placeOf = ({ mission, tool }) => JSON.stringify([mission, tool]); // another is another entry
-  const opens = () => waiting.some(({ kind }) => kind === "open"); // then this entry is not ours to write
 
+  /** The page's address says what it shows, so that a reload shows it again. */
   async function keep() {
     keeping = null;
-    const text = JSON.stringify(stateNow());
-    if (text === entry.text) return;
-    const link = await linkOf(stageNow());
-    if (opens()) return;
-    const [state, address, now] = [stateNow(), story ? null : `#${LINK}${link}`, performance.now()]; // never an older state than is kept
-    const place = placeOf(state.stage);
-    const moved = Boolean(entry.place) && place !== entry.place;
-    history[moved && now - entry.since > BURST ? "pushState" : "replaceState"](state, "", address);
-    entry = { text, place, since: moved ? now : (entry.since ?? -BURST) };
+    const link = `#${LINK}${await linkOf(stageNow())}`;
+    if (story >= 0 || link === address || waiting.some(({ kind }) => kind === "open")) return;
+    history.replaceState(null, "", link);
+    address = link;
   }
 
-  /** When the page is left, there is no time for the address, and a reload ignores what its history is told then. */
-  function keepNow() {
-    if (opens()) return;
-    const state = stateNow();
-    history.replaceState(state, "");
-    try {
-      sessionStorage.setItem(LEFT, JSON.stringify({ ...state, past }));
-    } catch {} // a frame may not have it
-  }
+  // The story: captions that lead through the tools
 
-  /** The state in which the page was left, if this is a reload; else what its history has. */
-  function stateBefore() {
-    try {
-      const reloads = performance.getEntriesByType("navigation")[0].type === "reload";
-      if (reloads) return JSON.parse(sessionStorage.getItem(LEFT)) ?? history.state;
-    } catch {}
-    return history.state;
-  }
-
-  /** Opens what an entry of the browser's history has, its state or its address; says whether there is something. */
-  function openEntry(state) {
-    entry = state?.stage ? { place: placeOf(state.stage), since: -BURST } : {}; // what is done next is another
-    if (!state?.stage) return stage.openLink(location.hash, true);
-    stage.ask({
-      kind: "open",
-      file: new File([JSON.stringify(state.stage)], ""),
-      here: true,
-      past: state.past,
-    });
-    return true;
-  }
-
-  // The story: a duel plays, and captions say what to look at
-
-  function beginStory({ step } = { step: 0 }) {
-    if (!opening || scene.state.tool !== "compare") return;
-    story = true;
-    el.classList.add("telling");
-    clock.show(step);
+  function tell(caption) {
+    if (caption >= STORY.length) return endStory();
+    story = caption;
+    const [tool, text] = STORY[story];
+    stage.ask({ kind: "tool", tool, story: tool !== "fly" });
+    find(".caption").hidden = false;
+    find(".told").textContent = text;
+    find(".go").textContent = story === STORY.length - 1 ? "Fly" : "Next";
     find(".go").focus({ preventScroll: true });
-    stage.ask({ kind: "many", quiet: true });
-  }
-
-  function captions() {
-    const { parting, why, verdict, results, many } = scene.panel;
-    const home = many?.map(({ who, both }) => `${who.subject} brings ${both[0]} %`).join(" and ");
-    const [other, lead] = many ? [many[1].who.subject, many[1].both[0] - many[0].both[0]] : []; // the first wins this mission
-    const often = home
-      ? ` Over 100 random missions, ${home} of the data home${lead > 0 ? `, so on average ${other} is ahead` : ""}.`
-      : "";
-    return [
-      [
-        0,
-        "Two drones, one mission: collect the devices' data, and land on a blue cell in time.",
-        "Grey: tall buildings. Red lines: no-fly zone. Violet: hidden from the device that is heard.",
-      ],
-      [parting ?? 0, `Here they part for good. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
-      [
-        Math.max(...results.map(({ steps }) => steps)),
-        `${verdict} This mission was chosen because the difference shows.${often} Now it is your turn: drag a device, or fly yourself.`,
-      ],
-    ];
-  }
-
-  function tellStory(time, playing) {
-    if (!story) return;
-    const [, text, about = ""] = captions()
-      .filter(([from]) => from <= time)
-      .at(-1);
-    const [caption, told, go, skip] = [".caption", ".told", ".go", ".skip"].map(find);
-    const end = time >= clock.now.last;
-    caption.hidden = false;
-    go.textContent = end ? "Your turn" : "Go on";
-    go.ariaDisabled = playing; // it keeps its place and the focus, and another press does nothing
-    if (end && document.activeElement === skip) go.focus({ preventScroll: true });
-    skip.hidden = end;
-    if (told.dataset.text === text) return;
-    told.dataset.text = text;
-    told.innerHTML = `<p>${escaped(text)}</p><p><small>${about} Orange ring: where each is before they part for good.</small></p>`;
-    told.scrollTop = 0;
-    if (playing) setTimeout(() => clock.show(Math.floor(time))); // to be read; between two steps the counter is already at the next
   }
 
   function endStory() {
-    if (!story) return;
+    if (story < 0) return;
     const held = find(".caption").contains(document.activeElement);
-    [story, find(".caption").hidden] = [false, true];
-    el.classList.remove("telling");
+    [story, find(".caption").hidden] = [-1, true];
     if (held) find("#panel").focus({ preventScroll: true });
   }
 
@@ -487,7 +404,6 @@ export function draw(el, model) {
     scene(told) {
       const first = !scene;
       ({ scene } = told);
-      past = scene.past ?? past; // is told when it has changed
       if (first) return begin();
       const answer = scene.refused
         ? {}
@@ -504,10 +420,11 @@ export function draw(el, model) {
       if (brush.cells) return; // a stroke is drawn until it is over
       if (!waiting.length) askNext(); // it is computed while this is drawn
       paint(answered);
-      if (answer.story) beginStory();
-      if (answered === "race") clock.show(0, true);
-      if (!waiting.length && again.length) stage.ask(again.shift());
-      if (!waiting.length) settle();
+      if (answered === "open" && answer.story) tell(0);
+      else if (answered === "race" || answer.story) clock.show(0, true);
+      if (waiting.length) return;
+      find(".main").ariaBusy = false;
+      settle();
     },
     progress({ text, share }) {
       if (text || (share === undefined && !waiting.length)) busy(text, share);
@@ -528,27 +445,15 @@ export function draw(el, model) {
     clock = playback(el, (time, playing) => {
       const texts = update(time, playing);
       TOOLS[scene.state.tool].moment?.(stage, scene, time, playing);
-      tellStory(time, playing);
       if (model.own) keeping ??= setTimeout(keep, KEEP);
       return texts;
     });
     for (const copy of el.querySelectorAll(".copy")) copy.hidden = !model.own;
     find(".full").hidden = !document.fullscreenEnabled;
     paint();
-    if (!model.own) return beginStory();
-    window.addEventListener("popstate", ({ state }) => {
-      try {
-        sessionStorage.removeItem(LEFT); // which is older
-      } catch {}
-      openEntry(state);
-    });
-    window.addEventListener("pagehide", keepNow);
-    document.addEventListener("visibilitychange", keepNow);
-    const before = stateBefore();
-    const { story: told, asks = [], sign } = before ?? {};
-    brush.sign = sign ?? brush.sign;
-    if (told) return beginStory(told);
-    again = asks;
-    if (!openEntry(before)) beginStory();
+    if (!model.own) return;
+    const open = () => location.hash && location.hash !== address && stage.openLink(location.hash);
+    window.addEventListener("hashchange", open);
+    open();
   }
 }

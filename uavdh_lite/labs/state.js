@@ -2,7 +2,7 @@
 // `CHANGES` makes the next one from what somebody does. As JSON it is the saved file, and packed into
 // letters the page's address.
 
-import { LONGEST } from "./words.js";
+import { listed } from "./words.js";
 import {
   ACTIONS,
   City,
@@ -75,7 +75,7 @@ const usualLooks = ({ races }) => ({
 export const newStage = (mission, shelf) => ({
   mission,
   policies: usualPolicies(mission.city, shelf),
-  tool: "compare",
+  tool: "fly",
   flown: "",
   step: -1,
   device: 0,
@@ -155,31 +155,16 @@ const requireVersion = ({ version }) =>
     ? "this file does not say which version of the labs saved it: save it again"
     : `this file was saved by another version of the labs (${version}; this page reads ${VERSION}): open it there, or make it again here`);
 
-/** The mission of a file; errors name its parts as people do. */
+/** The mission of a file. */
 function missionOf(values) {
   require(values, "the mission is missing in this file: save the page again");
   requireVersion(values);
-  try {
-    return missionFromJson(values);
-  } catch ({ message }) {
-    const said = message
-      .replace(
-        /^city\.rows\[(\d+)\]: must be a row of.*/,
-        "row $1 of the city: only . (open ground), N (no-fly zone), b (low building), " +
-          "L (landing zone) and B (tall building) may stand there",
-      )
-      .replace(
-        /^devices\[(\d+)\](?:\.(\w+))?/,
-        (_, device, what) => `${what ? `the ${what} of ` : ""}device ${device}`,
-      )
-      .replace(/^flying_time: (.* to )\d+$/, `the flying time: $1${LONGEST}`);
-    throw new InputError(`${said}. Correct this in the file, or save it again`);
-  }
+  return missionFromJson(values);
 }
 
 /**
  * The stage of a saved file, or of a mission's file.
- * @param {object[]} notes takes facts about rivals that do not fly
+ * @param {string[]} notes takes what is said of rivals that do not fly
  */
 export function readFile(text, shelf, notes = []) {
   require(text.length <= LARGEST, "this file is too large for a saved page or a mission");
@@ -231,8 +216,8 @@ export function readFile(text, shelf, notes = []) {
       mission.city.size,
     ), `this file holds the cell ${JSON.stringify(held)}, which this city does not have`);
   const strangers = policies.filter((name) => !names.includes(name));
-  if (strangers.length) notes.push({ kind: "strangers", strangers });
-  else if (policies[0] === policies[1]) notes.push({ kind: "twice" });
+  if (strangers.length)
+    notes.push(`${listed(strangers.map((name) => `“${name}”`))} cannot fly here, so others do.`);
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
   require(Object(told) === told, "this file does not say how one looks at the map: save it again");
   const looks = usualLooks(shelf);
@@ -343,24 +328,25 @@ const put = (values, index, value) => values.map((each, k) => (k === index ? val
 const without = (values, index) => values.filter((_, k) => k !== index);
 const change = (stage, shelf, changes) => withMission(stage, stage.mission.with(changes), shelf);
 
+/** The error says why a device, or with −1 the start, cannot stand in a cell. */
+export function requireStand({ city, devices }, device, cell) {
+  const number = isInside(cell, city.size) ? city.cell(cell) : -1; // what lies outside, the mission refuses
+  const zone = device < 0 ? city.noFly[number] && "no-fly" : city.landing[number] && "landing";
+  const what = city.buildings[number] ? "building" : zone && `${zone} zone`;
+  const where = `row ${cell[0]}, column ${cell[1]}`;
+  require(!what, `${where} is a ${what}`);
+  const there = devices.findIndex((each, k) => k !== device && String(each) === String(cell));
+  require(device < 0 || there < 0, `device ${there} is at ${where}`);
+}
+
 /** What each event makes of a stage: `CHANGES[kind](stage, told, shelf)`; an error says why it was not done. */
 export const CHANGES = {
   /** Moves a device, or with −1 the start. */
   move(stage, { device, cell }, shelf) {
-    const { city, devices, start } = stage.mission;
+    const { devices, start } = stage.mission;
     if (String(cell) === String(devices[device] ?? start)) return stage;
-    const number = isInside(cell, city.size) ? city.cell(cell) : -1; // what lies outside, the mission refuses
-    const zone = device < 0 ? city.noFly[number] && "no-fly" : city.landing[number] && "landing";
-    const what = city.buildings[number] ? "building" : zone && `${zone} zone`;
-    require(!what, `row ${cell[0]}, column ${cell[1]} is a ${what}. ${
-      device < 0
-        ? "The start may be wherever the UAV may fly"
-        : "Devices stand on open ground or in a no-fly zone"
-    }`);
+    requireStand(stage.mission, device, cell);
     if (device < 0) return change(stage, shelf, { start: cell });
-    const there = devices.findIndex((each, k) => k !== device && String(each) === String(cell));
-    require(there <
-      0, `device ${device} cannot stand at row ${cell[0]}, column ${cell[1]}: device ${there} is there`);
     return change(stage, shelf, { devices: put(devices, device, cell) });
   },
   data: (stage, { device, value }, shelf) =>

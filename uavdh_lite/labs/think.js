@@ -1,286 +1,234 @@
-// What an agent expects at each step of its flight, and why it acts so: the facts of the tool Think.
+// What a network expects of each action, and what changes that: a device taken away or moved, the time.
 
-import { NONE, emptied, turnsHome } from "./compare.js";
-import { ACTIONS, CHANNEL, HOVER, LAND, REWARDS, kept, rate, sum } from "./world.js";
+import { at, escaped, momentAt, scaleOf } from "../player.js";
+import { absent, button, chooser, colourOf, heat, ramp, term } from "./html.js";
+import { LAYERS } from "./state.js";
+import { listed, signed } from "./words.js";
+import { ACTIONS } from "./world.js";
 
-const CLOSE = 0.5; // a gap between Q-values below which a decision is called close
-const ENOUGH = 0.5; // data units of a device that are worth a reason,
-const SPARE = 1; // units of time more than the way home takes, with which it has to fly home
-const STAKE = 1; // data units that are still to be had, without which no decision is called close
-const WEIGHTS = [1, 0.5, 0.25, 0.125]; // of data against steps, by which a way is sought
-const LESS = 0.05; // data units that the second best action brings less, so that data is a reason
+const NONE = 0.05; // data units: all is collected
+const SPARE = 10; // units of time more, to see whether the time decides
+export const RANGE = 20; // units of time more or less that one can try
 
-/** The second best action, and how far the best is ahead of it; Infinity where nothing else is allowed. */
-function runnerUp(values) {
-  const [best, second] = [...values.keys()].sort((one, other) => values[other] - values[one]);
-  return { second, gap: values[best] - values[second] };
-}
+const bestOf = (values) => values.indexOf(Math.max(...values));
 
-/**
- * The step with the smallest gap while data is left to be had, else the smallest of all; then also where a later gap is smaller.
- * Null if no step leaves a choice.
- * @param {import("./flights.js").Flight} flight of an agent
- */
-export function closestCall({ values, dataLeft }) {
-  const all = values.map((each, step) => ({
-    step,
-    gap: runnerUp(each).gap,
-    stake: sum(dataLeft[step]) >= STAKE,
-  }));
-  const open = all.filter(({ gap }) => Number.isFinite(gap));
-  if (!open.length) return null;
-  const serious = open.filter(({ stake }) => stake);
-  const [closest, smallest] = [serious.length ? serious : open, open].map((some) =>
-    some.reduce((one, other) => (other.gap < one.gap ? other : one)),
+/** A state in which some devices are away or elsewhere, and the time is another. */
+export function changed(state, { away = [], moved = {}, time = 0 }, city) {
+  const [deviceCells, dataInitial, dataLeft] = ["deviceCells", "dataInitial", "dataLeft"].map(
+    (name) => state[name].slice(),
   );
-  const { step, gap } = closest;
-  return {
-    step,
-    gap,
-    stake: serious.length > 0,
-    smaller:
-      smallest === closest
-        ? null
-        : { step: smallest.step, gap: smallest.gap, empty: sum(dataLeft[smallest.step]) < NONE },
-  };
+  for (const device of away) dataInitial[device] = dataLeft[device] = 0;
+  for (const [device, cell] of Object.entries(moved)) deviceCells[device] = city.cell(cell);
+  const timeLeft = Math.max(state.timeLeft + time, 1);
+  return { ...state, deviceCells, dataInitial, dataLeft, timeLeft };
 }
 
 /**
- * What an agent does in each step, what for where its flight shows it, and how sure it is: facts. What the second
- * best action would bring in the same step, with the same fading, tells whether data is a reason.
- * @param {{mission: object, environment: import("./world.js").Environment}} where it was flown
+ * What each device is worth in a state, the best value less that without it, and what it would do
+ * without it and with more time: the network is asked again each time.
+ * @param {(state: object) => Float32Array} valuesOf
  */
-export function choices(flight, { mission, environment }) {
-  const generator = mission.fading();
-  return flight.values.map((values, step) => {
-    const { second, gap } = runnerUp(values);
-    const state = flight.states[step];
-    const other = environment.transition(state, second, environment.drawFading(state, generator));
-    const [brings, instead] = [
-      sum(flight.dataLeft[step]) - sum(flight.dataLeft[step + 1]),
-      sum(other.outcome.uploaded),
-    ];
-    const more = instead <= brings - LESS;
-    const reason = reasonOf(flight, step, environment, other.state.uavCell, more);
-    const now = reason?.kind === "gives" && reason.within === 1;
-    const close = gap < CLOSE && sum(flight.dataLeft[step]) >= STAKE;
-    return {
-      kind: "chooses",
-      action: ACTIONS[flight.action[step]],
-      reason: now && !more ? null : reason,
-      gap: Number.isFinite(gap) ? gap : null,
-      second: ACTIONS[second],
-      close,
-      both:
-        close || now
-          ? { brings, instead, ...beside(flight, step, other, { mission, environment }) }
-          : null,
+export function worths(state, valuesOf) {
+  const values = valuesOf(state);
+  const best = bestOf(values);
+  const without = (device) => valuesOf(changed(state, { away: [device] }));
+  const devices = [...state.dataLeft.keys()].filter((k) => state.dataLeft[k] >= NONE);
+  return {
+    devices: devices.map((device) => {
+      const other = without(device);
+      const action = bestOf(other);
+      return { device, worth: values[best] - Math.max(...other), action };
+    }),
+    time: bestOf(valuesOf(changed(state, { time: SPARE }))),
+  };
+}
+
+/** What an action is caused by: what, taken away alone, leads to another. */
+function causes({ devices, time }, best) {
+  const other = devices.filter(({ action }) => action !== best);
+  const told = other.map(({ device, action }) => `without device ${device} ${ACTIONS[action]}`);
+  if (time !== best) told.push(`with ${SPARE} more units of time ${ACTIONS[time]}`);
+  return told.length
+    ? `It would choose ${listed(told)}.`
+    : devices.length
+      ? "No single device decides: without any one of them it chooses the same."
+      : "";
+}
+
+/** What a flight brought from a step on, as a Q-value counts it. */
+export const cameOf = (rewards, step, discount) =>
+  rewards.slice(step).reduceRight((total, reward) => reward + discount * total, 0);
+
+export const THINK = {
+  title: "Think",
+  html(scene) {
+    const { panel, state, film } = scene;
+    if (!panel.agent)
+      return `<h2>No network knows this city</h2><p>Choose another city, or paint one of at most 16 by 16 cells.</p>`;
+    const { whatIf, agents } = panel;
+    const edited = whatIf.away.length || Object.keys(whatIf.moved).length || whatIf.time;
+    const row = ({ number, colour }, k) => {
+      const away = whatIf.away.includes(k);
+      const there = away || whatIf.moved[k];
+      const told = { kind: "whatIf", device: k, away: !there };
+      return `<tr style="--colour: ${colour}"><th scope="row">device ${number}</th><td><i class="worth" data-worth="${k}"></i></td>
+        <td class="amount" data-amount="${k}"></td><td>${button(there ? "put back" : "take away", told, `aria-label="${there ? "put back" : "take away"} device ${number}"`)}</td></tr>`;
     };
-  });
-}
-
-/**
- * What is different after the second best action: it is `over`, `home` is so many steps farther, devices with data left are `hidden`
- * that the best action sees, or `seen` that it does not, and it `costs` so many refusals more. `alone`: nothing else can matter.
- */
-function beside(
-  { uavCell, dataLeft, intervened },
-  step,
-  { state, outcome },
-  { mission, environment },
-) {
-  const [here, there, left] = [uavCell[step + 1], state.uavCell, dataLeft[step + 1]];
-  const sees = (k, cell) => environment.sight(environment.city.cell(mission.devices[k]))[cell];
-  const only = (one, other) =>
-    [...mission.devices.keys()].filter((k) => left[k] >= NONE && sees(k, one) && !sees(k, other));
-  return {
-    over: state.landed,
-    home: environment.timeToLand[there] - environment.timeToLand[here],
-    hidden: only(here, there),
-    seen: only(there, here),
-    costs: outcome.intervened - intervened[step],
-    alone: here === there || [left, state.dataLeft].every((each) => sum(each) < NONE),
-  };
-}
-
-/**
- * For each step of a flight that leaves data behind from where it `says` that it flies home, null for others: a fact about what could still
- * have been had in time.
- * `could` is a flight on from there that brings `least` or more beyond what its steps cost: how much more, from which devices, in how many
- * steps. It is null if none was found; `none`: there is none. All without fading.
- */
-export function missed(flight, says, { environment }) {
-  const { timeToLand } = environment;
-  const end = flight.dataLeft.at(-1);
-  const behind = [...end.keys()].filter((k) => end[k] >= NONE);
-  if (!flight.landed || sum(end) < ENOUGH) return Array.from(flight.action, () => null);
-  const goes = says.findIndex(({ reason }) => reason?.kind === "home" || reason?.home);
-  const turns = Math.min(turnsHome(flight, timeToLand), goes < 0 ? Infinity : goes);
-  const ways = waysOn(environment, flight.states[turns], behind);
-  const of = (left) => sum(behind.map((k) => left[k]));
-  let later = null; // it may fly on as it does and turn off then
-  const facts = Array.from(flight.action, () => null);
-  for (let step = flight.action.length - 1; step >= turns; step--) {
-    const state = flight.states[step];
-    const home = timeToLand[state.uavCell];
-    const most = WEIGHTS.map(
-      (weight) =>
-        ways(behind, weight).most[state.timeLeft][state.uavCell] +
-        of(end) -
-        weight * of(state.dataLeft),
-    );
-    const none = Math.min(...most) - REWARDS.movement * (home - 1) < ENOUGH;
-    const all = none
-      ? []
-      : WEIGHTS.map((weight) =>
-          flownOn(environment, state, behind, (open) => ways(open, weight), end),
-        );
-    const gain = ({ amount, steps }) => amount + REWARDS.movement * (steps - home);
-    const could = [...all, ...(later ? [{ ...later, steps: later.steps + 1 }] : [])].reduce(
-      (one, other) => (gain(other) > gain(one) ? other : one),
-      { amount: 0, steps: home },
-    );
-    later = gain(could) >= ENOUGH ? could : null;
-    facts[step] = {
-      kind: "missed",
-      step,
-      left: sum(end),
-      least: ENOUGH,
-      none,
-      could: later,
-      fades: !environment.meanSnrDb,
-    };
-  }
-  return facts;
-}
-
-/** A flight on from a state by `ways`, without fading: how much less it leaves than `end`, at which devices, and in how many steps. */
-function flownOn(environment, from, behind, ways, end) {
-  const quiet = new Float32Array(CHANNEL.slots * from.deviceCells.length);
-  let state = from;
-  while (!state.landed) {
-    const open = behind.filter((k) => state.dataLeft[k] >= NONE);
-    const action = open.length
-      ? ways(open).action[state.timeLeft][state.uavCell]
-      : environment.wayHome[state.uavCell];
-    ({ state } = environment.transition(state, action, quiet));
-  }
-  const { dataLeft } = state;
-  return {
-    amount: sum(end) - sum(dataLeft),
-    devices: behind.filter((k) => end[k] - dataLeft[k] >= NONE),
-    steps: from.timeLeft - state.timeLeft,
-  };
-}
-
-/**
- * For some of the devices that are left `behind`, for each time left and cell: the `most` that data, times a weight, and steps can bring until
- * a landing in time, and the first action to it. A device gives up to all its data in each slot, as if it never ran empty. So no flight brings more
- * beyond its steps than this and 1 − weight times all that is left: it brings no more than that, and no more than this without the weight.
- */
-function waysOn(environment, { deviceCells, timeLeft, dataLeft }, behind) {
-  const { timeToLand, city } = environment;
-  const near = [...timeToLand.keys()].filter((cell) => timeToLand[cell] <= timeLeft);
-  const quiet = new Float32Array(CHANNEL.slots * behind.length);
-  const devices = behind.map((k) => deviceCells[k]);
-  const moves = near.map((uavCell) =>
-    [...ACTIONS.keys()]
-      .filter((action) => action !== LAND && !environment.forbidden(uavCell, action))
-      .map((action) => {
-        const ahead = environment.nextCell(uavCell, action);
-        const heard = environment
-          .snrDb({ uavCell, deviceCells: devices }, ahead, quiet)
-          .map((snr, place) => Math.min(rate(snr), dataLeft[behind[place % behind.length]]));
-        return { action, ahead, heard };
-      }),
-  );
-  const made = new Map();
-  return (open, weight) =>
-    kept(made, [weight, ...open].join(), () => {
-      const places = open.map((k) => behind.indexOf(k));
-      const offer = ({ heard }) => {
-        let all = 0;
-        for (let slot = 0; slot < CHANNEL.slots; slot++)
-          all += Math.max(...places.map((k) => heard[slot * behind.length + k]));
-        return weight * all + REWARDS.movement;
-      };
-      const offers = moves.map((some) => some.map((move) => ({ ...move, brings: offer(move) })));
-      const most = [new Float32Array(city.kinds.length).fill(-Infinity)];
-      const action = [null];
-      for (let time = 1; time <= timeLeft; time++) {
-        const [before, values, actions] = [
-          most.at(-1),
-          most[0].slice(),
-          new Uint8Array(city.kinds.length),
-        ];
-        near.forEach((cell, place) => {
-          if (timeToLand[cell] > time) return;
-          let [value, best] = city.landing[cell] ? [0, LAND] : [-Infinity, HOVER];
-          for (const { action: move, ahead, brings } of offers[place]) {
-            if (brings + before[ahead] > value) [value, best] = [brings + before[ahead], move];
-          }
-          [values[cell], actions[cell]] = [value, best];
-        });
-        most.push(values);
-        action.push(actions);
-      }
-      return { most, action };
+    const layers = LAYERS.map((name) => [name, name]);
+    return `<h2 class="chosen" aria-live="polite"></h2>
+      <svg class="rose" viewBox="-4.7 -3.1 9.4 6.2" role="img" aria-label="${panel.number}s of the actions"></svg>
+      <p class="cause"></p>
+      <table class="worths"><caption>${term(panel.number)} lost without it</caption>${film.devices.map(row).join("")}</table>
+      <div class="row"><label>time <input type="range" data-set="whatif-time" min="-${RANGE}" max="${RANGE}" value="${whatIf.time}"
+        aria-label="units of time more or less"></label><output class="time">${whatIf.time > 0 ? "+" : ""}${whatIf.time}</output>
+        ${edited ? button("As it was", { kind: "whatIf", clear: true }) : "<small>or drag a device</small>"}</div>
+      <details class="eyes"><summary>Look through its eyes</summary><div class="row">${chooser("layer", "layer", layers, state.looks.layer)}
+        <label><input type="checkbox" data-set="centred" ${state.looks.centred ? "checked" : ""}> centred</label></div>
+        <p class="meaning"></p>${agents.length > 1 ? chooser("network", "policy-0", agents, panel.name) : ""}</details>
+      <div class="layer-scale"></div>${absent(scene)}`;
+  },
+  over({ panel, film }) {
+    if (!panel.agent) return "";
+    const gone = panel.whatIf.away.map((k) => {
+      const [row, col] = film.devices[k].cell;
+      return `<path class="gone" d="M${col - 0.5} ${row - 0.5}l1 1m0 -1l-1 1"/>`;
     });
+    return `<g class="layer"></g>${gone.join("")}<g class="rose"></g>`;
+  },
+  moment(stage, scene, time, playing) {
+    const { panel, film } = scene;
+    if (!panel.agent) return;
+    const [flight] = film.flights;
+    const step = Math.min(Math.floor(time + 1e-9), panel.values.length - 1);
+    const [values, other] = [panel.values[step], panel.other?.[step] ?? null];
+    const best = bestOf(values.map((each) => each ?? -Infinity));
+    const now = other ? bestOf(other.map((each) => each ?? -Infinity)) : best;
+    const will = other
+      ? `What if: ${ACTIONS[now]}${now === best ? ", as before" : `, not ${ACTIONS[best]}`}`
+      : `Step ${step + 1}: ${ACTIONS[best]}`;
+    stage.fill(".chosen", time >= flight.path.length - 1 ? `It has ${flight.end}.` : will);
+    stage.fill(".tool .rose", rose(other ?? values, other ? values : null, true));
+    const map = stage.find(".map .rose");
+    if (map) {
+      const scale = Math.max(0.75, scaleOf(film.city.length));
+      map.setAttribute("transform", `${at(momentAt(flight, time).place)} scale(${scale})`);
+      map.innerHTML = time >= flight.path.length - 1 ? "" : rose(other ?? values, null, false);
+    }
+    this.why(stage, panel, film, step, best, playing);
+    this.layer(stage, scene, step, time);
+  },
+  why(stage, { why, expected, came, number }, { devices, flights }, step, best, playing) {
+    const known = why?.step === step ? why : null;
+    const most = Math.max(1e-9, ...(known?.devices ?? []).map(({ worth }) => worth));
+    devices.forEach((_, k) => {
+      const found = known?.devices.find(({ device }) => device === k);
+      const bar = stage.find(`[data-worth="${k}"]`);
+      if (!bar) return;
+      const share = found ? Math.max(found.worth, 0) / most : 0;
+      bar.style.setProperty("--share", `${100 * share}%`);
+      const empty = flights[0].left[step][k] < NONE;
+      const text = empty ? "empty" : found ? signed(found.worth) : "";
+      stage.find(`[data-amount="${k}"]`).textContent = text;
+    });
+    const promise =
+      number === "Q-value"
+        ? `It expects ${signed(expected[step])} from here on; its flight then brought ${signed(came[step])}. `
+        : "";
+    stage.fill(".cause", `${promise}${known ? escaped(causes(known, best)) : ""}`);
+    if (!known && !playing) stage.askWhenFree({ kind: "why", step });
+  },
+  layer(stage, { panel, film, state }, step, time) {
+    const { layer: name, centred } = state.looks;
+    const size = film.city.length;
+    stage.centre(centred ? momentAt(film.flights[0], time).place : null);
+    const group = stage.find(".layer");
+    stage.find(".main").classList.toggle("layered", name !== "none");
+    stage.find(".main").classList.toggle("seen", name in MEANINGS);
+    if (!group) return;
+    group.innerHTML = "";
+    if (name in MEANINGS) group.innerHTML = seenLayer(film, name, step);
+    else if (name === "value" && panel.map) {
+      const known = panel.map.values.filter((each) => each !== null);
+      const [least, high] = [Math.min(...known), Math.max(...known)];
+      const low = Math.max(least, high - 15);
+      const colour = (value) => colourOf((value - low) / (high - low || 1));
+      group.innerHTML = heat(panel.map.values, size, colour);
+      const about = term("value", "if the UAV were there");
+      stage.fill(
+        ".layer-scale",
+        ramp(`${signed(low)}${low > least ? " or less" : ""}`, signed(high), about),
+      );
+    }
+    if (centred) group.innerHTML += outside(size, name);
+    if (name !== "value") stage.fill(".layer-scale", "");
+    else if (panel.map?.step !== step) stage.askWhenFree({ kind: "values", step });
+    stage.fill(".meaning", MEANINGS[name] ?? "");
+  },
+};
+
+const WAYS = [
+  [0, -1],
+  [1, 0],
+  [0, 1],
+  [-1, 0],
+  [0.72, -0.72],
+  [0.72, 0.72],
+]; // of the bars, in the order of the actions
+/** Bars around the UAV, the longer the better, from the worst allowed action to the best; `before` as thin lines. */
+function rose(values, before, labelled) {
+  const known = [...values, ...(before ?? [])].filter((each) => each !== null);
+  const [low, high] = [Math.min(...known), Math.max(...known)];
+  const best = bestOf(values.map((each) => each ?? -Infinity));
+  const length = (value) => 0.15 + (1.5 * (value - low)) / (high - low || 1);
+  const bar = (value, k, about) => {
+    const [right, down] = WAYS[k];
+    const end = 0.55 + length(value);
+    return `<path ${about} d="M${0.55 * right} ${0.55 * down}L${end * right} ${end * down}"/>`;
+  };
+  const drawn = values.map((value, k) => {
+    const [right, down] = WAYS[k];
+    const line = value === null ? "" : bar(value, k, `class="${k === best ? "best" : "bar-q"}"`);
+    const old = before && before[k] !== null ? bar(before[k], k, 'class="before"') : "";
+    if (!labelled) return line;
+    const to =
+      value === null
+        ? 0.6
+        : 0.75 + Math.max(length(value), before?.[k] == null ? 0 : length(before[k]));
+    const anchor = right ? (right < 0 ? "end" : "start") : "middle";
+    const [x, y] = [to * right, to * down + (k < HALF ? 0.2 * down : 0)];
+    const text = value === null ? "not allowed" : signed(value);
+    return `${line}${old}<text x="${x}" y="${y}" dy=".35em" text-anchor="${anchor}" class="${k === best ? "best" : ""}">${ACTIONS[k]} ${text}</text>`;
+  });
+  return `${drawn.join("")}${labelled ? '<circle r=".42" class="hub"/>' : ""}`;
+}
+const HALF = 4; // of the actions are moves
+
+const MEANINGS = {
+  "landing zone": "Where the UAV may land.",
+  "no-fly zone": "Where the UAV may not fly, and all that is outside the city.",
+  buildings: "What blocks the radio link.",
+  "data left": "Data still to be collected.",
+  "data collected": "Data that it has.",
+};
+
+/** What the network sees of the city in one of its layers. */
+function seenLayer({ city, devices, flights }, name, step) {
+  const signs = { "landing zone": "L", "no-fly zone": "NB", buildings: "bB" }[name] ?? "";
+  const colour = (sign) => (signs.includes(sign) ? "#0072b2" : "#8883");
+  const layer = heat([...city.join("")], city.length, colour, 1);
+  if (signs) return layer;
+  const [now, first] = [flights[0].left[step], flights[0].left[0]];
+  const most = Math.max(...first.slice(0, -1));
+  const full = devices.map(({ cell: [row, col] }, k) => {
+    const amount = name === "data left" ? now[k] : first[k] - now[k];
+    return `<path d="M${col - 0.5} ${row - 0.5}h1v1h-1z" fill="#0072b2" fill-opacity="${amount / most}"/>`;
+  });
+  return layer + full.join("");
 }
 
-function reasonOf(flight, step, environment, otherwise, more) {
-  const { uavCell, dataLeft, landed, states } = flight;
-  const { timeToLand } = environment;
-  const [action, left] = [flight.action[step], flight.timeLeft[step]];
-  const [home, after] = [timeToLand[uavCell[step]], timeToLand[uavCell[step + 1]]];
-  const given = dataLeft
-    .slice(step + 1)
-    .map((later) => dataLeft[step].map((each, k) => each - later[k]));
-  const within = given.findIndex((each) => Math.max(...each) >= ENOUGH) + 1;
-  if (flight.intervened[step]) return { kind: "refused" };
-  const since = emptied(flight);
-  if (action === LAND)
-    return since >= 0 && since <= step ? { kind: "done", since: since < step ? since : 0 } : null;
-  const now = timeToLand[otherwise] >= home; // the second best action leads no nearer
-  const nearer = landed && after < home;
-  const goes = nearer && left <= home + SPARE;
-  const way = nearer && step >= turnsHome(flight, timeToLand); // no later step leads away again
-  if (goes && (now || (way && (within !== 1 || !more)))) return { kind: "home", home, left, now };
-  const back =
-    step > 0 && uavCell[step + 1] === uavCell[step - 1] && uavCell[step + 1] !== uavCell[step];
-  if (back && within !== 1) return { kind: "back" };
-  if (within) {
-    const amount = Math.max(...given[within - 1]);
-    const device = given[within - 1].indexOf(amount);
-    const all = sum(given[within - 1]);
-    const stays = uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
-    const from = states[step].deviceCells[device];
-    const heard = environment.meanSnrDb ? environment.tracedSnrs(from) : environment.rateMap(from); // how well, over each cell
-    const nears =
-      uavCell[step + 2] !== uavCell[step] &&
-      uavCell.slice(step + 1, step + within + 1).some((cell) => heard[cell] > heard[uavCell[step]]);
-    if (action === HOVER ? stays : within === 1 || nears)
-      return {
-        kind: "gives",
-        device,
-        amount,
-        all,
-        within,
-        waits: action === HOVER,
-        back,
-        home: goes && way,
-      };
-  }
-  if (way) return { kind: "home", home, left, now: false };
-  if (since >= 0 && since <= step) return { kind: "idle", since: since < step ? since : 0 };
-  if (action !== HOVER) return null;
-  let until = step + 1; // steps after which it does something else
-  while (flight.action[until] === HOVER) until += 1;
-  const rest = sum(dataLeft[step].map((each) => Math.round(10 * each) / 10)); // as the bars show it
-  return {
-    kind: "stays",
-    until: until > step + 1 ? until : 0,
-    amount: sum(dataLeft[step]) - sum(dataLeft[until]),
-    rest,
-  };
+/** All around a city of this size lies a no-fly zone, as far as the network sees. */
+function outside(size, name) {
+  const around = `M${-size} ${-size}h${3 * size}v${3 * size}h${-3 * size}z`;
+  const d = `${around}M-.5 -.5v${size}h${size}v${-size}z`;
+  return `<path class="outside" d="${d}" fill="${name === "no-fly zone" ? "#0072b2" : "#d6333f"}"/>`;
 }

@@ -1,5 +1,5 @@
 // The world in JavaScript: what streams, city, shadowing, channel, environment, beyond/failsafe,
-// beyond/measured, scenario, missions and evaluation do in Python, in their order and by their names. Whoever changes
+// scenario and missions do in Python, in their order and by their names. Whoever changes
 // one changes the other; tests/labs/test_world.py compares them.
 //
 // A cell is a number, row · M + column, where M is the number of cells on a side; n = M². A mask is a
@@ -20,7 +20,6 @@ export const Use = {
   MISSION: 4,
   FADING: 5,
   EXPLORATION: 6,
-  BOOTSTRAP: 8,
   WEIGHTS: 11,
 };
 
@@ -431,33 +430,6 @@ export class Environment {
   }
 }
 
-/** A city in which a table says what is heard. What agents are told stays the model's; see beyond/measured.py. */
-export class MeasuredEnvironment extends Environment {
-  /**
-   * @param {City} city
-   * @param {Uint8Array} gain (n · n), device cell by UAV cell: q for a gain of −q/2 dB, 255 for nothing heard
-   * @param {number} levelDb what makes an SNR of a gain, dB
-   */
-  constructor(city, gain, levelDb) {
-    super(city);
-    this.meanSnrDb = Float32Array.from(gain, (q) => (q === 255 ? -Infinity : levelDb - q / 2));
-  }
-
-  /** From a device's cell to the UAV over each, dB; (n,). */
-  tracedSnrs(cell) {
-    return this.meanSnrDb.subarray(cell * this.cells, (cell + 1) * this.cells);
-  }
-
-  snrDb(state, nextCell, fading) {
-    const devices = state.deviceCells.length;
-    return fading.map((_, place) => {
-      const share = (Math.floor(place / devices) + 1) / CHANNEL.slots;
-      const snrs = this.tracedSnrs(state.deviceCells[place % devices]);
-      return snrs[share < 0.5 ? state.uavCell : nextCell];
-    });
-  }
-}
-
 /** What a map holds under a key, made when it is first needed. */
 export function kept(map, key, make) {
   if (!map.has(key)) map.set(key, make());
@@ -695,76 +667,39 @@ export class HandFlight {
   }
 }
 
-/** The mission that a file holds; `InputError` names the entry that is wrong. */
+/** The mission that a file holds; `InputError` says what is wrong. */
 export function missionFromJson(values) {
-  const object = (value, entry, ...names) => {
-    require(value?.constructor === Object, `${entry}: must be an object`);
-    const missing = names.find((each) => !(each in value));
-    require(missing === undefined, `${entry}: '${missing}' is missing`);
-    const other = Object.keys(value).find((each) => !names.includes(each));
-    require(other === undefined, `${entry}: '${other}' was unexpected`);
-  };
-  const whole = (value, entry, least, most) => {
-    const fits = Number.isInteger(value) && value >= least && value <= most;
-    require(fits, `${entry}: ${JSON.stringify(value)} must be a whole number from ${least} to ${most}`);
-  };
-  const list = (value, entry, least, most, check) => {
-    const fits = Array.isArray(value) && value.length >= least && value.length <= most;
-    require(fits, `${entry}: must be a list of ${least} ${most < Infinity ? `to ${most}` : "or more"}`);
-    value.forEach((one, k) => check(one, `${entry}[${k}]`));
-  };
-  const cell = (value, entry) =>
-    list(value, entry, 2, 2, (axis, name) => whole(axis, name, 0, MAX_SIZE - 1));
-  const names = ["city", "start", "devices", "flying_time", "seed", "max_devices"];
-  object(values, "the file", "format", "version", ...names);
-  require(values.format === FORMAT, `format: must be '${FORMAT}'`);
-  require(values.version === VERSION, `version: must be ${VERSION}`);
-  object(values.city, "city", "name", "rows");
-  const { name, rows } = values.city;
-  require(typeof name === "string" && name !== "", "city.name: must be a name");
-  const row = (value, entry) =>
-    require(/^[.NbLB]+$/.test(value), `${entry}: must be a row of ${SIGNS}`);
-  list(rows, "city.rows", 1, MAX_SIZE, row);
-  cell(values.start, "start");
-  list(values.devices, "devices", 1, Infinity, (device, entry) => {
-    // the mission says how many are too many
-    object(device, entry, "cell", "data");
-    cell(device.cell, `${entry}.cell`);
-    const fits = Number.isFinite(device.data) && device.data >= 0 && device.data < 2 ** 15;
-    require(fits, `${entry}.data: must be a number from 0 to below ${2 ** 15}`);
-  });
-  whole(values.flying_time, "flying_time", 1, 2 ** 15 - 1);
-  whole(values.max_devices, "max_devices", 1, 100);
-  whole(values.seed, "seed", 0, Number.MAX_SAFE_INTEGER);
-  return new Mission({
-    city: City.fromText(name, rows.join("\n")),
-    start: values.start,
-    devices: values.devices.map((device) => device.cell),
-    data: values.devices.map((device) => device.data),
-    flyingTime: values.flying_time,
-    seed: values.seed,
-    maxDevices: values.max_devices,
-  });
+  const { format, version, city, start, devices, flying_time: flyingTime } = values ?? {};
+  const { seed, max_devices: maxDevices } = values ?? {};
+  require(format === FORMAT && version === VERSION, `this is no mission of version ${VERSION}`);
+  const damaged = (holds, name) => require(holds, `the mission in this file is damaged: ${name}`);
+  const rows = city?.rows;
+  damaged(Array.isArray(rows) && rows.every((row) => typeof row === "string"), "its city");
+  damaged(typeof city.name === "string" && city.name !== "", "its city's name");
+  damaged(Array.isArray(devices) && Array.isArray(start), "its devices or its start");
+  const cells = [start, ...devices.map((device) => device?.cell)];
+  damaged(
+    cells.every((cell) => cell?.length === 2 && cell.every?.(Number.isInteger)),
+    "a cell",
+  );
+  damaged(
+    devices.every(({ data }) => Number.isFinite(data)),
+    "an amount of data",
+  );
+  damaged(Number.isInteger(maxDevices) && maxDevices >= 1 && maxDevices <= 100, "max_devices");
+  const data = devices.map((device) => device.data);
+  const [, ...places] = cells;
+  const there = City.fromText(city.name, rows.join("\n"));
+  return new Mission({ city: there, start, devices: places, data, flyingTime, seed, maxDevices });
 }
 
 // Evaluation
 
-/** The share of ones with Wilson's 95 % score interval. @returns {[number, number, number]} */
-export function wilsonInterval(values) {
-  const [count, share, z] = [values.length, sum(values) / values.length, 1.959964];
-  const middle = share + z ** 2 / (2 * count);
-  const half = z * Math.sqrt((share * (1 - share)) / count + z ** 2 / (4 * count ** 2));
-  const within = [middle - half, middle + half].map((end) => end / (1 + z ** 2 / count));
-  return [share, ...within.map((end) => Math.min(Math.max(end, 0), 1))];
-}
-
-/** The mean with its 95 % percentile bootstrap interval. @returns {[number, number, number]} */
-export function bootstrapInterval(values) {
-  const [generator, count] = [new Portable(Use.BOOTSTRAP, 0), values.length];
-  const means = Array.from({ length: 2000 }, () => {
-    let total = 0;
-    for (let k = 0; k < count; k++) total += values[generator.integers(0, count)];
-    return total / count;
-  }).sort((a, b) => a - b);
-  return [sum(values) / count, means[50], means[1949]];
+/** The mean with Student's 95 % interval; its t by the expansion of Cornish and Fisher. @returns {[number, number, number]} */
+export function studentInterval(values) {
+  const [count, mean, z] = [values.length, sum(values) / values.length, 1.959964];
+  const free = count - 1;
+  const t = z + (z ** 3 + z) / (4 * free) + (5 * z ** 5 + 16 * z ** 3 + 3 * z) / (96 * free ** 2);
+  const half = t * Math.sqrt(sum(values.map((each) => (each - mean) ** 2)) / (free * count));
+  return [mean, mean - half, mean + half];
 }
