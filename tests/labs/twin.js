@@ -4,7 +4,6 @@ import { Greedy, Random, readAgent } from "../../uavdh_lite/labs/pilots.js";
 import {
   City,
   Environment,
-  MeasuredEnvironment,
   Mission,
   Portable,
   Use,
@@ -27,10 +26,9 @@ export function answer({
   texts,
   pictures,
 }) {
-  const places = cities.map(({ name, rows, gain, level_db }) => {
-    const city = City.fromText(name, rows.join("\n"));
-    return gain ? new MeasuredEnvironment(city, bytesOf(gain), level_db) : new Environment(city);
-  });
+  const places = cities.map(
+    ({ name, rows }) => new Environment(City.fromText(name, rows.join("\n"))),
+  );
   const stateOf = ({ uav_cell, time_left, device_cells, data_initial, data_left }) => ({
     uavCell: uav_cell,
     timeLeft: time_left,
