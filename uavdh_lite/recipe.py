@@ -8,6 +8,7 @@ import torch
 from torch import nn
 
 from uavdh_lite import registry
+from uavdh_lite.channel import Channel
 from uavdh_lite.city import City
 from uavdh_lite.config import from_json, option, require, require_name
 from uavdh_lite.ddqn import DDQN
@@ -103,9 +104,11 @@ class Recipe:
         """The learning rate after this many environment steps."""
         return ramp(self.learning_rate, self.learning_rate_end, steps, self.steps)
 
-    def environment_for(self, city: City | tuple[City, ...]) -> Environment:
-        """What the agent learns in and flies in."""
-        return Environment(city)
+    def environment_for(
+        self, city: City | tuple[City, ...], channel: Channel | None = None
+    ) -> Environment:
+        """What the agent learns in and flies in; with the paper's channel if none is given."""
+        return Environment(city, channel or Channel())
 
     def observation_for(self, environment: Environment, size: int = 0) -> Observation:
         """What the network sees, for cities of up to `size` cells on a side if that is more."""
