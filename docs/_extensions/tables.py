@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
@@ -30,6 +31,7 @@ from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import load_city, shipped_cities
 from uavdh_lite.course.checks import EXERCISES
+from uavdh_lite.course.exam import questions
 from uavdh_lite.evaluation import Interval, bootstrap_interval, mean_interval
 from uavdh_lite.experiments.comparison import breakdown, share
 from uavdh_lite.paper import RESULTS
@@ -513,6 +515,21 @@ def exercises() -> str:
         for name, one in EXERCISES.items()
     ]
     return _table(["number", "exercise", "points", "minutes", "needs", "trains"], rows)
+
+
+def outcomes() -> str:
+    """What each notebook is for, with its exercises and the questions of the exam on it."""
+    goals = tomllib.loads((TEACH / "goals.toml").read_text(encoding="utf-8"))["outcomes"]
+    asked = Counter(question["notebook"] for question in questions())
+    rows = []
+    for number, outcome in goals.items():
+        (path,) = NOTEBOOKS.glob(f"{int(number):02d}_*.ipynb")
+        own = [one for one in EXERCISES.values() if one.number.split(".")[0] == number]
+        trained = ", ".join(f"{one.number} ({one.minutes} min)" for one in own) or "the project"
+        link = f"[{path.stem}](../tutorials/{path.name})"
+        rows.append([outcome, link, trained, asked[int(number)] or "—"])
+    head = ["students can", "notebook", "exercises", "questions of the exam"]
+    return _table(head, rows)
 
 
 # Real places

@@ -176,7 +176,7 @@ def test_the_site_for_teachers_has_the_guide(tmp_path):
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "-t", "teachers", "docs", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    for name in ("index", "class", "kit", "exam", "add_an_exercise"):
+    for name in ("index", "class", "kit", "add_an_exercise"):
         assert (tmp_path / "teach" / f"{name}.html").exists()
     assert "three of flight B" in text_of(
         tmp_path / "_modules" / "uavdh_lite" / "course" / "checks" / "notebook_03.html"
