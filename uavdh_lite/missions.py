@@ -138,29 +138,11 @@ class Mission:
         """Fly a policy and keep every step; missions with equal seeds have equal fading."""
         return fly(environment, policy, self.state, self.fading)
 
-    def add(self, cell: Cell, data: float = 10.0) -> "Mission":
-        """The mission with one more device."""
-        return replace(self, devices=(*self.devices, cell), data=(*self.data, data))
-
-    def move(self, device: int, cell: Cell) -> "Mission":
-        """The mission with this device in another cell."""
-        return replace(self, devices=self._put(self.devices, device, cell))
-
     def fill(self, device: int, amount: float) -> "Mission":
         """The mission with this much data at a device, data units."""
-        return replace(self, data=self._put(self.data, device, amount))
-
-    def remove(self, device: int) -> "Mission":
-        """The mission without this device; those after it move up."""
-        devices, data = (self._put(each, device) for each in (self.devices, self.data))
-        return replace(self, devices=devices, data=data)
-
-    def _put(self, values: tuple, device: int, *value) -> tuple:
-        """The values with another one in this place, or without it."""
-        whole = isinstance(device, int | np.integer)
-        if not whole or not 0 <= device < len(self.devices):
-            raise InputError(f"no device {shown(device)}: there are 0 to {len(self.devices) - 1}")
-        return (*values[:device], *value, *values[device + 1 :])
+        if device not in range(len(self.data)):
+            raise InputError(f"no device {shown(device)}: there are 0 to {len(self.data) - 1}")
+        return replace(self, data=(*self.data[:device], amount, *self.data[device + 1 :]))
 
 
 class HandFlight:

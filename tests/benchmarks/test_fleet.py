@@ -19,6 +19,7 @@ from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 from uavdh_lite.training import Trainer
 
+pytestmark = pytest.mark.long  # it trains
 VILLAGE = find_scenario("village")
 TINY = replace(
     SMALL, environments=4, replay_capacity=200, replay_prefill=80, batch_size=16, steps=2_000,

@@ -1,6 +1,5 @@
 """What happens when things go wrong: each test really does it."""
 
-import shutil
 import signal
 import subprocess
 import sys
@@ -72,36 +71,3 @@ def test_a_run_that_was_killed_or_interrupted_resumes_to_the_same_result(
         assert process.returncode == 130
     assert main(arguments(tmp_path, "--resume")) == 0
     assert_same_result(tmp_path, uninterrupted)
-
-
-def in_small_folder(size, tmp_path, script):
-    """Run a shell script with a file system of this size at `disk`, in a mount name space."""
-    if not shutil.which("unshare") or subprocess.run(["unshare", "-rm", "true"]).returncode:
-        pytest.skip("no private file systems here: unshare -rm does not work")
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    script = f"mount -t tmpfs -o size={size} none {disk} && {script}"
-    shell = ["unshare", "-rm", "sh", "-c", script]
-    return subprocess.run(shell, cwd=tmp_path, capture_output=True, text=True)
-
-
-def contents(folder):
-    return {p.name: p.read_bytes() for p in folder.iterdir() if p.name != "about.json"}
-
-
-def test_a_full_disk(tmp_path):
-    """The run stops with a message; what was saved before stays whole and goes on elsewhere."""
-    kept, after = tmp_path / "kept", tmp_path / "after"
-    assert main(arguments(kept, "--stop-after", "1280")) == 0
-    script = (
-        f"cp -r kept disk/run; dd if=/dev/zero of=disk/rest bs=1k >/dev/null 2>&1; "
-        f"{' '.join(command('disk/run', '--resume'))} >second 2>&1; echo $? >code; "
-        f"cp -r disk/run after"
-    )
-    done = in_small_folder("3m", tmp_path, script)
-    assert done.returncode == 0, done.stderr
-    message = (tmp_path / "second").read_text()
-    assert (tmp_path / "code").read_text().strip() == "1"
-    assert "No space left on device" in message and "Traceback" not in message
-    assert contents(after) == contents(kept)
-    assert main(arguments(after, "--resume")) == 0

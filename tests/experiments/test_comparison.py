@@ -78,11 +78,6 @@ def test_share_pairs_the_episodes(generator):
         (np.arange(40), ["0 to 9", "10 to 19", "20 to 29", "30 to 39"], [10] * 4),
         # An edge, such as 10, begins a range
         (np.arange(41), ["0 to 9", "10 to 19", "20 to 29", "30 to 40"], [10, 10, 10, 11]),
-        (
-            np.repeat([1, 2, 3, 4, 5, 6], [6, 3, 3, 6, 3, 3]),
-            ["1", "2 to 3", "4", "5 to 6"],
-            [6] * 4,
-        ),
         (np.array(["old_town", "blocks", "old_town"]), ["blocks", "old town"], [1, 2]),
     ],
 )

@@ -33,23 +33,30 @@ def test_a_signal_is_noted_and_a_second_one_interrupts(number):
     assert [signal.getsignal(each) for each in SIGNALS] == before
 
 
-def test_files_of_a_run(trainer, tmp_path):
-    own = trainer(3, steps=2 * BIN + 50, environments=50, batch_size=64, validation_interval=2500)
-    out = tmp_path / "run"
-    best = train(own, out, command="python -m uavdh_lite train ...")
+@pytest.fixture(scope="module")
+def finished(corridor, corridor_scenario, quick, tmp_path_factory):
+    """What begins a run, and the folder of one that has ended."""
+    options = {"steps": BIN + 50, "environments": 50, "batch_size": 64, "validation_interval": 2500}
+    recipe, out = replace(quick, **options), tmp_path_factory.mktemp("finished")
+    train(Trainer(corridor_scenario, recipe, 3, corridor), out, command="a command")
+    return lambda: Trainer(corridor_scenario, recipe, 3, corridor), out
+
+
+def test_files_of_a_run(finished):
+    begin, out = finished
     names = ["about.json", "best.safetensors", "lock", "training.csv", SAVED, "validation.csv"]
     assert sorted(path.name for path in out.iterdir()) == sorted(names)
     curve, validation = read_table(out / "training.csv"), read_table(out / "validation.csv")
-    assert curve["steps"].tolist() == [BIN, 2 * BIN] and (curve["episodes"] > 0).all()
-    assert validation["steps"].tolist() == [2500, 5000, 7500, 10_000, 10_050]
+    assert curve["steps"].tolist() == [BIN] and (curve["episodes"] > 0).all()
+    assert validation["steps"].tolist() == [2500, 5000, 5050]
     assert (np.diff(validation["seconds"]) >= 0).all() and validation["seconds"][-1] > 0
-    kept = load_agent(best).training
+    kept = load_agent(out / "best.safetensors").training
     assert kept["validation"]["return"] == pytest.approx(validation["return"].max(), abs=1e-3)
     assert kept["steps"] == kept["validation"]["steps"]
-    assert kept["command"].startswith("python -m uavdh_lite train") and kept["seed"] == 3
+    assert kept["command"] == "a command" and kept["seed"] == 3
     assert kept["threads"] == torch.get_num_threads()
-    about = json.loads((out / "about.json").read_text())
-    assert about["steps"] == 10_050 and about.items() >= provenance().items()
+    about, own = json.loads((out / "about.json").read_text()), begin()
+    assert about["steps"] == 5_050 and about.items() >= provenance().items()
     assert recipe_from_json(about["recipe"]) == own.recipe
     assert about["scenario"]["name"] == own.scenario.name
 
@@ -73,45 +80,35 @@ def test_another_run_is_not_restored(trainer, tmp_path, corridor_scenario, quick
     restore_run(path, Trainer(corridor_scenario, quick, 0, renamed))  # the cells decide
 
 
-@pytest.mark.parametrize("change", ["value missing", "tensor missing", "shape", "no part", "null"])
+@pytest.mark.parametrize("change", ["value", "tensor", "shape"])
 def test_a_state_without_the_parts_of_this_run_is_refused(trainer, tmp_path, change):
     path = tmp_path / "t.safetensors"
     save_run(path, trainer())
     tensors, values = load(path, "training")
     weights = next(name for name in tensors if name.startswith("ddqn.online"))
     match change:
-        case "value missing":
+        case "value":
             del values["episodes"]
-        case "tensor missing":
+        case "tensor":
             del tensors["state.landed"]
         case "shape":
             tensors[weights] = tensors[weights][:-1].clone()
-        case "no part":
-            tensors["weights"] = tensors.pop(weights)
-        case "null":
-            values["generators"] = None
     save(path, "training", tensors, values)
     said = r"t\.safetensors: altered, or saved by another version"
     with pytest.raises(CheckpointError, match=said):
         restore_run(path, trainer())
 
 
-def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
-    own = trainer(steps=400)
-    train(own, tmp_path, stop_after=1000)
-    assert own.steps == 400
-    with pytest.raises(InputError, match="holds a run already"):
-        train(trainer(steps=400), tmp_path)
-    before = (tmp_path / SAVED).read_bytes()
-    train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
-    assert (tmp_path / SAVED).read_bytes() == before
-
-
 @pytest.mark.parametrize("lost", [SAVED, "best.safetensors"])
-def test_a_folder_with_a_part_of_a_run_is_refused_and_nothing_there_changes(
+def test_a_folder_with_a_run_or_a_part_of_one_is_refused_and_nothing_there_changes(
     trainer, tmp_path, lost
 ):
     train(trainer(steps=400), tmp_path)
+    before = (tmp_path / SAVED).read_bytes()
+    with pytest.raises(InputError, match="holds a run already"):
+        train(trainer(steps=400), tmp_path)
+    train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
+    assert (tmp_path / SAVED).read_bytes() == before
     (tmp_path / lost).unlink()
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     for seed, resume in ((1, False), (0, True)):
@@ -142,16 +139,7 @@ def test_the_same_call_with_resume_begins_and_continues_and_ends(trainer, tmp_pa
     assert rows[0]["return"].tolist() == rows[1]["return"].tolist()
 
 
-@pytest.fixture(scope="module")
-def finished(corridor, corridor_scenario, quick, tmp_path_factory):
-    """What begins a run, and the folder of one that has ended."""
-    options = {"steps": BIN + 50, "environments": 50, "batch_size": 64, "validation_interval": 2500}
-    recipe, out = replace(quick, **options), tmp_path_factory.mktemp("finished")
-    train(Trainer(corridor_scenario, recipe, 0, corridor), out, command="a command")
-    return lambda: Trainer(corridor_scenario, recipe, 0, corridor), out
-
-
-@pytest.mark.parametrize("damage", ["", "steps,return\n", "a,b\n1,2\n", "steps\nx\n", None])
+@pytest.mark.parametrize("damage", ["", "steps,return\n", "steps\nx\n", None])
 @pytest.mark.parametrize("name", ["training.csv", "validation.csv", "about.json"])
 def test_what_was_lost_or_damaged_is_written_again(finished, tmp_path, name, damage):
     begin, folder = finished
@@ -177,22 +165,18 @@ def test_a_run_is_saved_by_time_too_and_goes_on_only_with_its_own_threads(
         patched.setattr(runs, "save_run", lambda path, run: saved.append(run.steps))
         train(own, tmp_path / "a")
     assert saved[:3] == [16, 32, 48]
-    train(trainer(), tmp_path / "b", stop_after=160)
+    train(trainer(), tmp_path / "b", stop_after=160, command="it was begun so")
+    with pytest.raises(InputError, match=r"another seed .*begun by: it was begun so"):
+        train(trainer(1), tmp_path / "b", resume=True)
+    (tmp_path / "b" / "about.json").write_text("[")
+    with pytest.raises(InputError, match=r"another seed than asked for: 0 there, 1 here$"):
+        train(trainer(1), tmp_path / "b", resume=True)
     torch.set_num_threads(2)
     try:
         with pytest.raises(InputError, match="another threads than asked for: 1 there, 2 here"):
             train(trainer(), tmp_path / "b", resume=True)
     finally:
         torch.set_num_threads(1)
-
-
-def test_a_damaged_about_hides_no_error(trainer, tmp_path):
-    train(trainer(steps=400), tmp_path, command="it was begun so")
-    with pytest.raises(InputError, match=r"another seed .*begun by: it was begun so"):
-        train(trainer(1, steps=400), tmp_path, resume=True)
-    (tmp_path / "about.json").write_text("[")
-    with pytest.raises(InputError, match=r"another seed than asked for: 0 there, 1 here$"):
-        train(trainer(1, steps=400), tmp_path, resume=True)
 
 
 @pytest.mark.parametrize("part", ["loss", "weight"])

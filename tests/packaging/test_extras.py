@@ -9,6 +9,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
@@ -51,6 +53,7 @@ def packages(extras=EXTRAS):
     return {named.get(name, name) for name in only}
 
 
+@pytest.mark.long
 def test_a_module_imports_or_names_the_extra_that_it_needs_and_so_does_a_command(tmp_path):
     code = BLOCK.format(packages=packages(set(EXTRAS) - {"test"}))
     command = [sys.executable, "-c", code + CALL_ALL.replace("{commands}", str([*COMMANDS]))]

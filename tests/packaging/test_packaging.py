@@ -24,6 +24,7 @@ def built(tmp_path_factory):
     return wheel, sdist
 
 
+@pytest.mark.long
 def test_what_is_in_the_wheel(built):
     with zipfile.ZipFile(built[0]) as archive:
         names = set(archive.namelist())

@@ -21,6 +21,7 @@ def run(*command, **options):
     return subprocess.run(list(map(str, command)), capture_output=True, text=True, **options)
 
 
+@pytest.mark.long
 def test_the_workflows_are_valid_and_safe():
     done = run("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *WORKFLOWS)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -62,7 +63,7 @@ def test_the_container_s_commands_run_in_a_clean_environment(tmp_path):
         done = run("bash", "-c", offline, cwd=home, env=clean)
         assert done.returncode == 0, done.stderr
     assert re.search(r'CMD \["jupyter", "lab"', text)
-    for command in ("jupyter lab --version", "nbgrader --version", "python -m uavdh_lite doctor"):
+    for command in ("jupyter lab --version", "nbgrader --version", "python -m uavdh_lite fly"):
         done = run("bash", "-c", command, cwd=tmp_path, env=clean)
         assert done.returncode == 0, done.stderr
-    assert "missing" not in done.stdout.split("gym")[0] and ": ok" in done.stdout
+    assert "landed" in done.stdout

@@ -1,14 +1,20 @@
 """Fields that explain themselves and know their bounds."""
 
+import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
 import pytest
 
-from uavdh_lite.config import option, require
+from uavdh_lite.beyond.cities import CityGenerator
+from uavdh_lite.channel import Channel
+from uavdh_lite.config import from_json, option, require
 from uavdh_lite.errors import InputError
+from uavdh_lite.registry import find
+
+PRESETS = [("scenario", "manhattan"), ("recipe", "lite"), ("recipe", "imitation")]
 
 
 @dataclass(frozen=True)
@@ -75,3 +81,21 @@ def test_a_long_value_is_cut():
     assert len(str(caught.value)) < 200
     with pytest.raises(InputError, match="share is huge"):
         Sample(share=10**5000)
+
+
+ODD = [None, True, "\ud800", [None], (2, 1), {}, object(), 1j, -1, 1.5, 1e-300, 1e300, 10**400]
+ODD += [math.nan, (1, math.inf), np.array([1.5, 2])]
+CONFIGS = [Channel(), CityGenerator(), *(find(kind, name) for kind, name in PRESETS)]
+
+
+@pytest.mark.parametrize("config", CONFIGS, ids=lambda one: getattr(one, "name", "default"))
+def test_an_odd_value_of_any_field_is_refused_by_its_name_or_kept(config):
+    """Also where it comes from a file."""
+    for field, value in itertools.product((f.name for f in fields(config)), ODD):
+        try:
+            changed = replace(config, **{field: value})
+        except InputError as error:
+            words = str(error).replace("_", " ").lower()
+            assert field.replace("_", " ").rstrip("s") in words and len(words) < 300
+        else:
+            assert from_json(type(config), vars(changed), "config") == changed

@@ -73,7 +73,7 @@ def test_a_damaged_file_is_an_error_or_what_was_saved(kind, tmp_path, trainer):
     assert may_be(read(original))
 
     @settings(
-        max_examples=300,
+        max_examples=100,
         derandomize=True,
         deadline=None,
         suppress_health_check=[HealthCheck.too_slow],

@@ -44,26 +44,21 @@ def test_a_state_that_is_placed_by_hand():
     ("changes", "named"),
     [
         ({"start": (0, 16)}, r"UAV .*\(0, 16\)"),
-        ({"start": (-1, 0)}, r"UAV .*\(-1, 0\)"),
         ({"start": (2, 2)}, r"UAV .*\(2, 2\).*a building"),
         ({"devices": [(4, 4), (16, 0)]}, r"device 1 .*\(16, 0\)"),
         ({"devices": [(4, 4), (2, 2)]}, r"device 1 .*\(2, 2\).*building"),
         ({"devices": [(0, 1), (4, 4)]}, r"device 0 .*\(0, 1\).*landing zone"),
         ({"devices": [(4, 4), (4, 4)]}, r"device 1 .*\(4, 4\).*another device"),
         ({"devices": [], "data": []}, "0 devices"),
-        ({"max_devices": 1}, "2 devices"),
         ({"data": [1.0]}, "2 devices but 1"),
         ({"data": [1.0, -1.0]}, "device 1 has -1.0"),
         ({"data": [np.nan, 1.0]}, "device 0 has nan"),
         ({"data": [0.0, 0.0]}, "no device has data"),
-        ({"data": [1e-50, 0.0]}, "no device has data"),
-        ({"data": 3}, "data is 3, must be a tuple"),
-        ({"start": 5}, "start is 5, must be a tuple of 2"),
         ({"start": (0, 0.5)}, "start is"),
         ({"max_devices": 101}, "101 places for devices: must be from 1 to 100"),
         ({"city": "manhattan"}, "city is 'manhattan', must be a City"),
-        ({"flying_time": 0}, "flying time 0"),
         ({"flying_time": 2**15}, "flying time 32768"),
+        *(({"seed": seed}, "seed") for seed in (0.0, -1, 2**53)),
     ],
 )
 def test_what_cannot_be_flown_is_named(changes, named):
@@ -83,22 +78,14 @@ def test_a_drawn_mission_is_the_scenarios():
     assert cells.tolist() == state.device_cells[0, :number].tolist()
 
 
-def test_changes_leave_the_mission_as_it_was(mission):
-    assert mission.add((8, 8), 3).devices == ((4, 4), (7, 9), (8, 8))
-    assert mission.add((8, 8), 3).data == (10.0, 5.0, 3)
-    assert mission.move(0, (8, 8)).devices == ((8, 8), (7, 9))
-    assert mission.fill(1, 3.5).data == (10.0, 3.5)
-    assert mission.remove(0).devices == ((7, 9),) and mission.remove(0).data == (5.0,)
-    assert mission.devices == ((4, 4), (7, 9)) and mission.data == (10.0, 5.0)
-    with pytest.raises(InputError, match="device 2"):
-        mission.add((4, 4))
-    for change in (mission.move, mission.fill, lambda device, _: mission.remove(device)):
-        for device in (2, -1, 0.0, "a"):
-            with pytest.raises(InputError, match=f"no device {device!r}: there are 0 to 1"):
-                change(device, (8, 8))
+def test_another_amount_leaves_the_mission_as_it_was(mission):
+    assert mission.fill(1, 3.5).data == (10.0, 3.5) and mission.data == (10.0, 5.0)
+    for device in (2, -1, "a"):
+        with pytest.raises(InputError, match=f"no device {device!r}: there are 0 to 1"):
+            mission.fill(device, 1)
 
 
-@pytest.mark.parametrize("name", ["manhattan", "manhattan_ddqn", "greedy", "random"])
+@pytest.mark.parametrize("name", ["manhattan", "random"])
 def test_a_flight_by_hand_is_the_policys_with_the_same_actions(mission, name):
     flown = mission.fly(MANHATTAN, find_policy(name, MANHATTAN, 7))
     again = mission.fly(MANHATTAN, find_policy(name, MANHATTAN, 7))
@@ -149,33 +136,25 @@ def test_a_file_from_an_editor_of_windows_is_read(original, tmp_path, encoding):
     same(load_mission(tmp_path / "m.json"), original)
 
 
-def test_as_many_devices_as_may_be_are_saved_and_read(tmp_path):
+def test_as_many_devices_as_may_be_and_numbers_of_numpy_are_saved_and_read(tmp_path):
     city = City.from_text("large", "\n".join(["L" + "." * 10, *["." * 11] * 10]))
     cells = [divmod(cell, 11) for cell in range(1, MAX_DEVICES + 1)]
-    mission = Mission(city, (0, 0), cells, [1.0] * MAX_DEVICES, 5, max_devices=MAX_DEVICES)
-    save_mission(tmp_path / "m.json", mission)
-    same(load_mission(tmp_path / "m.json"), mission)
+    many = Mission(city, (0, 0), cells, [1.0] * MAX_DEVICES, 5, max_devices=MAX_DEVICES)
+    numbers = np.array([0, 0]), np.array([[4, 1], [0, 7]]), np.float32([15, 3]), np.int64(24)
+    for mission in (many, Mission(VILLAGE, *numbers, seed=np.int64(3), max_devices=np.int8(4))):
+        save_mission(tmp_path / "m.json", mission)
+        same(load_mission(tmp_path / "m.json"), mission)
     schema = json.loads(SCHEMA.read_text())["properties"]
     assert schema["max_devices"]["maximum"] == MAX_DEVICES
-    flights = mission.fly(Environment(city), find_policy("greedy", Environment(city)))
-    served = np.stack([step.outcome.served for step in flights.history])
-    assert served.min() >= -1 and served.max() < MAX_DEVICES
 
 
-def test_numbers_of_numpy_are_saved(tmp_path):
-    numbers = np.array([0, 0]), np.array([[4, 1], [0, 7]]), np.float32([15, 3]), np.int64(24)
-    mission = Mission(VILLAGE, *numbers, seed=np.int64(3), max_devices=np.int8(4))
-    save_mission(tmp_path / "m.json", mission)
-    same(load_mission(tmp_path / "m.json"), mission)
-
-
-def test_a_drawn_device_keeps_data(monkeypatch):
+def test_a_drawn_device_keeps_data():
     scenario = Scenario("little", devices=(2, 2), data=(0.0, 0.1))
     assert {Mission.draw(scenario, VILLAGE, seed).data for seed in range(20)} == {(0.1, 0.1)}
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6), st.sampled_from(["manhattan", "village", "harbour", "metropolis"]))
+@given(st.integers(0, 10**6), st.sampled_from(["manhattan", "village"]))
 def test_every_random_mission_survives(tmp_path_factory, seed, scenario):
     preset = find_scenario(scenario)
     mission = Mission.draw(preset, City.load(preset.city), seed)
@@ -191,25 +170,14 @@ def test_every_random_mission_survives(tmp_path_factory, seed, scenario):
         ({"version": 3}, "version"),
         ({"start": [0]}, "start"),
         ({"start": [0, 99]}, r"\(0, 99\)"),
-        ({"start": [0, 1.0]}, r"start\[1\]"),
-        ({"devices": []}, "devices"),
         ({"devices": [{"cell": [4, 1], "data": -1}]}, r"devices\[0\].data"),
-        ({"devices": [{"cell": [4, 1], "data": "15"}]}, r"devices\[0\].data"),
         ({"devices": [{"cell": [4, 1], "data": 10**400}]}, r"devices\[0\].data"),
         ({"devices": [{"cell": [4, 1], "data": float("nan")}]}, "device 0"),
-        ({"devices": [{"cell": [0, 0], "data": 1}]}, "device 0"),
-        ({"flying_time": 0}, "flying_time"),
-        ({"flying_time": 40_000}, "flying_time"),
         ({"flying_time": 24.0}, "flying_time"),
-        ({"max_devices": 5.0}, "max_devices"),
         ({"max_devices": True}, "max_devices"),
-        ({"seed": 0.0}, "seed"),
-        ({"seed": -1}, "seed"),
         ({"seed": 2**53}, "seed"),
-        ({"seed": None}, "seed"),
         ({"more": 1}, "more"),
         ({"city": {"name": "x", "rows": ["L.", "?."]}}, r"city.rows\[1\]"),
-        ({"city": {"name": "x", "rows": ["L.", "."]}}, "x: 2 rows"),
         ({"city": {"name": "x", "rows": ["..", ".."]}}, "landing zone"),
     ],
 )
@@ -221,16 +189,7 @@ def test_the_entry_that_is_wrong_is_named(original, tmp_path, change, named):
         load_mission(path)
 
 
-def test_a_seed_that_no_stream_has_is_refused_before_the_flight(mission):
-    for seed in (0.0, -1, 2**53):
-        with pytest.raises(InputError, match="seed"):
-            Mission(mission.city, mission.start, mission.devices, mission.data, 40, seed)
-
-
-@pytest.mark.parametrize(
-    "data",
-    [b"", b"\xff\xfe", b"[" * 100_000, b"null", b" " * 2**21],
-)
+@pytest.mark.parametrize("data", [b"", b"[" * 100_000, b"null", b" " * 2**21])
 def test_foreign_files(tmp_path, data):
     (tmp_path / "m.json").write_bytes(data)
     with pytest.raises(InputError, match=r"m\.json: "):

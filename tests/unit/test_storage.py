@@ -2,7 +2,6 @@
 
 import errno
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -14,14 +13,13 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.storage import (
     data_folder,
     read_table,
-    write_atomically,
     write_json,
     write_table,
 )
 
 ROWS = [
     {"policy": "a", "steps": 5, "ratio": 0.123456789},
-    {"policy": "b, c", "steps": 10, "ratio": None},
+    {"policy": "b, c", "steps": 10, "ratio": None, "late": 1},
 ]
 
 
@@ -29,19 +27,15 @@ ROWS = [
 def test_a_table_comes_back_and_equal_rows_give_equal_bytes(name, tmp_path):
     write_table(tmp_path / name, ROWS)
     table = read_table(tmp_path / name)
-    assert list(table) == ["policy", "steps", "ratio"]
+    assert list(table) == ["policy", "steps", "ratio", "late"]
     assert table["policy"].tolist() == ["a", "b, c"]
     assert table["steps"].tolist() == [5, 10]
     np.testing.assert_array_equal(table["ratio"], [0.123457, np.nan])
+    np.testing.assert_array_equal(table["late"], [np.nan, 1])
     write_table(tmp_path / "again" / name, ROWS)
     content = (tmp_path / name).read_bytes()
     assert content == (tmp_path / "again" / name).read_bytes()
     assert content.startswith(b"\x1f\x8b") == name.lower().endswith(".gz")
-
-
-def test_a_column_that_only_later_rows_have_is_empty_in_the_others(tmp_path):
-    write_table(tmp_path / "a.csv", [{"steps": 5}, {"steps": 10, "sent_home": 0.5}])
-    np.testing.assert_array_equal(read_table(tmp_path / "a.csv")["sent_home"], [np.nan, 0.5])
 
 
 @pytest.mark.parametrize(
@@ -62,10 +56,14 @@ def test_what_is_no_table_is_named(name, content, tmp_path):
         read_table(tmp_path / name)
 
 
-def test_a_column_with_a_word_is_text(tmp_path):
-    (tmp_path / "t.csv").write_text("a,b\n1,\n2,x\n")
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_column_is_of_numbers_or_text_and_empty_where_nothing_stands(encoding, tmp_path):
+    """Also with the mark with which a spreadsheet begins a file."""
+    (tmp_path / "t.csv").write_text("a,b,c\n1,,\n2,x,0.5\n", encoding=encoding)
     read = read_table(tmp_path / "t.csv")
+    assert list(read) == ["a", "b", "c"]
     assert read["a"].tolist() == [1, 2] and read["b"].tolist() == ["", "x"]
+    np.testing.assert_array_equal(read["c"], [np.nan, 0.5])
 
 
 def test_the_file_that_a_link_leads_to_is_written(tmp_path):
@@ -96,26 +94,10 @@ def test_a_path_that_is_no_unicode_can_be_written_down(tmp_path):
     assert read_table(tmp_path / "a.csv")["out"].tolist() == ["M\\udcfcnchen"]
 
 
-def test_a_table_from_a_spreadsheet_begins_with_a_mark(tmp_path):
-    (tmp_path / "t.csv").write_text("a,b\n1,2\n", encoding="utf-8-sig")
-    assert list(read_table(tmp_path / "t.csv")) == ["a", "b"]
-
-
 def test_missing_data_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("uavdh_lite.storage._PACKAGE", tmp_path / "uavdh_lite")
     with pytest.raises(FileNotFoundError, match=r"install it again.*data"):
         data_folder()
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="looks at Unix flags")
-def test_the_bytes_are_synced_by_a_handle_that_may_write(tmp_path, monkeypatch):
-    """Windows syncs no other."""
-    import fcntl
-
-    modes = []
-    monkeypatch.setattr(os, "fsync", lambda fd: modes.append(fcntl.fcntl(fd, fcntl.F_GETFL)))
-    write_atomically(tmp_path / "a.txt", lambda temporary: temporary.write_text("a"))
-    assert [mode & os.O_ACCMODE for mode in modes] == [os.O_RDWR]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs Unix resource limits")

@@ -40,12 +40,6 @@ def test_the_streams_stay_what_they_are():
     assert torch_seed(Use.WEIGHTS, 3) == 4300361653909824179
 
 
-@pytest.mark.parametrize("seed", [-1, 2**63, 0.0, 0.5, "1"])
-def test_an_impossible_seed_is_refused(seed):
-    with pytest.raises(InputError, match=f"seed {seed!r}"):
-        stream(Use.TEST, seed)
-
-
 def test_portable_numbers_stay_what_they_are():
     """Known numbers: if these change, so do all missions that people have shared."""
     generator = Portable(Use.FADING, np.int64(3))
@@ -58,7 +52,7 @@ def test_portable_numbers_stay_what_they_are():
 
 def test_portable_normal_numbers_are_normal_and_independent():
     """Slots and devices, next to each other or seeds apart; each bound is five standard errors."""
-    seeds, count = (0, 1, 2, 2**32, 2**53 - 1), 40_000
+    seeds, count = (0, 1, 2, 2**32, 2**53 - 1), 10_000
     drawn = np.stack([Portable(Use.FADING, seed).standard_normal((count, 4, 5)) for seed in seeds])
     total, bound = drawn.size, 5 / np.sqrt(drawn.size)
     assert abs(drawn.mean()) < bound and abs(drawn.var() - 1) < np.sqrt(2) * bound
@@ -74,18 +68,14 @@ def test_portable_normal_numbers_are_normal_and_independent():
             assert abs(np.corrcoef(values[0].ravel(), values[1].ravel())[0, 1]) < bound
 
 
-@pytest.mark.parametrize("seed", [-1, 2**53, 0.0, "1"])
-def test_an_impossible_portable_seed_is_refused(seed):
-    with pytest.raises(InputError, match=f"seed {seed!r}"):
-        Portable(Use.FADING, seed)
-
-
 @pytest.mark.parametrize("make", [stream, Portable, torch_seed])
-@pytest.mark.parametrize("seed", [10**5000, "1" * 5000, 10**100], ids=["huge", "text", "large"])
-def test_a_huge_seed_is_not_written_out(make, seed):
-    with pytest.raises(InputError) as refused:
+@pytest.mark.parametrize("seed", [-1, 2**63, 0.0, "1", 10**5000], ids="abcde")
+def test_an_impossible_seed_is_refused_and_a_huge_one_not_written_out(make, seed):
+    with pytest.raises(InputError, match="seed ") as refused:
         make(Use.FADING, seed)
     assert len(str(refused.value)) < 150
+    with pytest.raises(InputError, match=f"seed {2**53}"):
+        Portable(Use.FADING, 2**53)
 
 
 MAKERS = {"default_rng", "SeedSequence", "RandomState", "PCG64", "Philox", "manual_seed"}
@@ -93,6 +83,7 @@ ALLOWED = {
     "streams.py": {"default_rng", "SeedSequence"},
     "gymnasium.py": {"SeedSequence"},  # for a seed that nobody chose
     "training.py": {"manual_seed"},
+    "one_file.py": {"manual_seed"},
     "fleet.py": {"manual_seed"},  # of the generator on the accelerator
     "notebook_06.py": {"manual_seed"},  # of the networks that an answer makes
     "notebook_07.py": {"manual_seed"},

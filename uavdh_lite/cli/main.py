@@ -28,7 +28,6 @@ COMMANDS = {
     "challenge": ("challenge", "Score a class's submissions on missions that nobody has seen."),
     "city": ("city", "Make a city from the footprints of buildings."),
     "classroom": ("classroom", "Collect, look through and give back a class's exercises."),
-    "doctor": ("doctor", "Say what is installed, what is missing, and how to get it."),
     "app": ("app", "Write the interactive labs as one file, and open it."),
 }
 RUNTIME_ERRORS = {
@@ -64,8 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except OSError as error:
-        path = error.filename2 or error.filename
-        return _fail(1, f"{path}: {error.strerror}" if path else error)
+        return _fail(1, f"{error.filename}: {error.strerror}" if error.filename else error)
     except MemoryError as error:
         return _fail(1, f"not enough memory: {error}")
     except RuntimeError as error:
