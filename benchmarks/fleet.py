@@ -208,7 +208,7 @@ class Networks:
     def __init__(self, network: nn.Module):
         if type(network) is not QNetwork:
             raise InputError("a fleet needs the paper's network: take another recipe")
-        self.layers = [*network.convolutions, *network.head]
+        self.frame, self.layers = network.frame, [*network.convolutions, *network.head]
         self.shapes = {name: weight.shape for name, weight in network.named_parameters()}
         self.sizes = [shape.numel() for shape in self.shapes.values()]
         self.padding = -sum(self.sizes) % 4
@@ -237,7 +237,8 @@ class Networks:
 
     def __call__(self, weights: list[Tensor], maps: Tensor, times: Tensor) -> Tensor:
         """Q-values (R, B, 6) of R networks' maps, (R, B, channels, W, W), and times, (R, B, 1)."""
-        x, parts = maps.movedim(-3, -1), iter(weights)
+        framed = self.frame(maps.flatten(0, 1)).unflatten(0, maps.shape[:2])
+        x, parts = framed.movedim(-3, -1), iter(weights)
         for layer in self.layers:
             if isinstance(layer, nn.Conv2d):
                 x = self._convolved(x, layer, next(parts), next(parts))
@@ -626,6 +627,10 @@ class Fleet:
             row = {"greedy_flights": count} | {f"greedy_{k}": v for k, v in means.items()}
             trainer._greedy_flights = lambda row=row: row
             trainer._add_row()
+        if any(trainer.is_best for trainer in self.trainers):  # by its test flights
+            self.fetch(weights_alone=True)
+            for run in self.runs:
+                run.write("best" if run.trainer.is_best else None)
 
     def _validate(self) -> None:
         """Fly the validation's missions, and keep the agents that are better than before."""

@@ -70,7 +70,12 @@ class Recipe:
     movement_reward: float = option(-0.2, "reward for each step without a landing, r_mov")
     exploring_starts: float = option(0.0, "share of episodes that start under way", ge=0, le=1)
     exploring_spare_time: int = option(5, "time that such episodes have beyond the way home", ge=0)
-    # Validation, on the same missions each time: the agent kept has the highest return in it
+    # Which agent of a run is kept; validation is on the same missions each time
+    kept_by: Literal["test_flights", "validation"] = option(
+        "test_flights",
+        "the agent kept has the highest collected and landed in the last 50 test flights, or the "
+        "highest return in validation",
+    )
     validation_interval: int = option(50_000, "environment steps between greedy validations", ge=1)
     validation_episodes: int = option(1000, "missions of each validation", ge=1, le=100_000)
 
@@ -191,6 +196,7 @@ LITE = Recipe(
     crash_reward_growth=1.0,
     movement_reward=-0.1,
     exploring_starts=0.5,
+    kept_by="validation",
     validation_interval=100_000,
 )
 """A strengthened DDQN, made to learn within an hour on one core of a CPU.
@@ -218,6 +224,7 @@ SMALL = replace(
     crash_reward=-5.0,
     crash_reward_end=-20.0,
     crash_reward_growth=0.75,
+    kept_by="validation",
     validation_interval=24_000,
     validation_episodes=200,
 )

@@ -27,6 +27,7 @@ from uavdh_lite.streams import Use, stream, torch_seed
 CURVES = ("return", "landed", "collected", "collected_and_landed")  # in a row of training.csv
 BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
 EPISODES_PER_GREEDY_FLIGHT = 10  # as in the paper (section IV)
+TEST_FLIGHTS = 50  # least number that choose an agent, as in the authors' code
 VALIDATION_SEED = 0
 
 
@@ -79,7 +80,7 @@ class Trainer:
             )
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.environment = recipe.environment_for(
-            load_cities(scenario.city) if city is None else city
+            load_cities(scenario.city) if city is None else city, scenario.channel
         )
         self.generator = stream(Use.TRAINING, seed)
         self.greedy_generator = stream(Use.GREEDY_FLIGHTS, seed)
@@ -110,7 +111,10 @@ class Trainer:
         self.state = self._starts(np.arange(recipe.environments))
 
     def advance(self) -> bool:
-        """A step and, where one is due, a validation; whether there was one."""
+        """A step and, where one is due, a validation; whether there is something to keep.
+
+        That is a validation's row, or the best agent so far.
+        """
         started, before = time.perf_counter(), self.steps
         self.step()
         interval = self.recipe.validation_interval
@@ -118,7 +122,7 @@ class Trainer:
         if due:
             self.validate()
         self.seconds += time.perf_counter() - started
-        return due
+        return due or self.is_best
 
     def step(self) -> None:
         """A step of every episode in flight, B in all, and an update once the memory is prefilled.
@@ -207,8 +211,7 @@ class Trainer:
     def validate(self) -> None:
         """Fly the validation missions by the greedy policy (eq. 9): a row of their means.
 
-        They are the same for every run of a scenario. The agent with the highest return in them is
-        the one to keep; see `is_best`.
+        They are the same for every run of a scenario.
         """
         flights = evaluate(
             self.environment,
@@ -224,9 +227,41 @@ class Trainer:
 
     @property
     def is_best(self) -> bool:
-        """Whether the last validation has the highest return so far."""
-        *before, last = (row["return"] for row in self.validation_rows)
-        return last > max(before, default=-np.inf)
+        """Whether the agent as it is now has just been judged, and is the best so far.
+
+        Of equal ones the first counts. A run too short to judge any keeps the last.
+        """
+        judged = self._judged()
+        if not judged:
+            return self.finished
+        *before, (steps, score) = judged
+        return steps == self.steps and score > max((s for _, s in before), default=-np.inf)
+
+    @property
+    def has_kept(self) -> bool:
+        """Whether an agent was kept so far."""
+        return self.finished or bool(self._judged())
+
+    def _judged(self) -> list[tuple[int, float]]:
+        """The steps of each agent that was judged, and its score; see `Recipe.kept_by`.
+
+        In test flights it is their mean over whole rows of the learning curve, as few of the last
+        ones as have `TEST_FLIGHTS`.
+        """
+        if self.recipe.kept_by == "validation":
+            return [(row["steps"], row["return"]) for row in self.validation_rows]
+        judged, count = [], [row["greedy_flights"] for row in self.training_rows]
+        score = [row["greedy_collected_and_landed"] or 0.0 for row in self.training_rows]
+        first, flown = 0, 0
+        for row, steps in enumerate(row["steps"] for row in self.training_rows):
+            flown += count[row]
+            while flown - count[first] >= TEST_FLIGHTS:
+                flown -= count[first]
+                first += 1
+            if flown >= TEST_FLIGHTS:
+                mean = np.average(score[first : row + 1], weights=count[first : row + 1])
+                judged.append((steps, float(mean)))
+        return judged
 
     @property
     def progress(self) -> dict:

@@ -163,7 +163,10 @@ class Draws:
 
 def test_a_run_of_the_fleet_learns(build):
     """After 16,000 steps over the village: far more than the random policy brings home."""
-    recipe = replace(SMALL, steps=16_000, validation_interval=16_000)
+    recipe = replace(
+        SMALL, steps=16_000, validation_interval=16_000, return_steps=3, layer_norm=True,
+        data_scale=20.0, time_scale=10.0, exploring_starts=0.5,
+    )  # fmt: skip
     fleet = build(recipe)
     fleet.train(until=np.inf)
     (trainer,) = fleet.trainers
@@ -202,13 +205,13 @@ def test_a_run_that_was_stopped_goes_on_here_and_with_the_library(tmp_path, monk
         patched.setattr(program, "time", SimpleNamespace(perf_counter=lambda: next(ticks)))
         assert "4 runs are ready" in call()[0]
     stopped = trained(1)
-    assert (stopped.steps, stopped.updates, stopped.replay.filled) == (400, 79, 52)
+    assert (stopped.steps, stopped.updates, stopped.replay.filled) == (400, 81, 50)
     assert stopped.training_rows == [] and stopped.validation_rows == []
     stopped.step()
-    assert stopped.updates == 80 and stopped.is_finite()
+    assert stopped.updates == 82 and stopped.is_finite()
     said = call()
     assert sum(": 2000 steps" in line for line in said) == 4 + 1  # of each run, and of the fleet
     ended = trained(1)
-    assert ended.finished and ended.updates == 479 and len(ended.validation_rows) == 2
+    assert ended.finished and ended.updates == 481 and len(ended.validation_rows) == 2
     assert len(list((tmp_path / "archive").iterdir())) == 4
     assert load_agent(tmp_path / "runs" / "tiny-leak_0-2" / "last.safetensors")

@@ -101,20 +101,38 @@ def test_a_state_without_the_parts_of_this_run_is_refused(trainer, tmp_path, cha
 
 @pytest.mark.parametrize("lost", [SAVED, "best.safetensors"])
 def test_a_folder_with_a_run_or_a_part_of_one_is_refused_and_nothing_there_changes(
-    trainer, tmp_path, lost
+    trainer, tmp_path, lost, monkeypatch
 ):
-    train(trainer(steps=400), tmp_path)
+    def worse_and_worse(own):  # so that the state does not have the best agent
+        own.validation_rows.append(own.progress | {"return": -own.steps, "landed": 0.0})
+
+    monkeypatch.setattr(Trainer, "validate", worse_and_worse)
+    own = {"steps": 400, "validation_interval": 200}
+    train(trainer(**own), tmp_path)
     before = (tmp_path / SAVED).read_bytes()
     with pytest.raises(InputError, match="holds a run already"):
-        train(trainer(steps=400), tmp_path)
-    train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
+        train(trainer(**own), tmp_path)
+    train(trainer(**own), tmp_path, resume=True)  # a finished run stays finished
     assert (tmp_path / SAVED).read_bytes() == before
     (tmp_path / lost).unlink()
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     for seed, resume in ((1, False), (0, True)):
         with pytest.raises(InputError, match="holds a run"):
-            train(trainer(seed, steps=400), tmp_path, resume=resume)
+            train(trainer(seed, **own), tmp_path, resume=resume)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_the_best_agent_is_written_again_where_the_state_still_has_it(trainer, tmp_path):
+    """Kept by test flights, it may be better at any row of the learning curve."""
+    out, best = tmp_path / "run", tmp_path / "run" / "best.safetensors"
+    own = {"steps": 6_000, "replay_prefill": 200, "kept_by": "test_flights"}
+    train(trainer(**own), out, stop_after=5_000)
+    weights = load_agent(best).network.state_dict()
+    best.unlink()
+    train(trainer(**own), out, resume=True, stop_after=5_000)
+    again = load_agent(best)
+    assert again.training["steps"] == 5_008
+    assert all(torch.equal(weights[k], v) for k, v in again.network.state_dict().items())
 
 
 def test_the_same_call_with_resume_begins_and_continues_and_ends(trainer, tmp_path, monkeypatch):

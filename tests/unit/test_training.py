@@ -138,7 +138,7 @@ def test_a_row_of_the_learning_curve_has_the_means_of_the_counted_episodes(train
 
 
 def test_validations_come_when_they_are_due_and_tell_which_agent_is_best(trainer):
-    """Always the same missions; of equal returns the first one counts."""
+    """Always the same missions; of equal scores the first one counts."""
     own = trainer(validation_interval=48, validation_episodes=20, steps=128, replay_prefill=64)
     due = []
     while not own.finished:
@@ -149,8 +149,32 @@ def test_validations_come_when_they_are_due_and_tell_which_agent_is_best(trainer
     means = {name: values.mean() for name, values in flights.records().items()}
     assert means.items() <= own.validation_rows[-1].items()
     for returns, best in (([1], True), ([1, 2], True), ([1, 2, 2], False), ([2, 1], False)):
-        own.validation_rows = [{"return": each} for each in returns]
+        own.validation_rows = [{"return": each, "steps": own.steps} for each in returns]
         assert own.is_best == best
+    own.steps += 1
+    own.validation_rows.append({"return": 3, "steps": own.steps - 1})
+    assert not own.is_best  # that was the agent of a step earlier
+
+
+def test_the_authors_rule_keeps_the_best_mean_of_fifty_test_flights(trainer):
+    """Over whole rows of the learning curve, as few as have 50 flights; before, none is judged."""
+    own = trainer(kept_by="test_flights")
+    flights, collected = [30, 30, 0, 10, 60, 20], [1.0, 0.5, None, 1.0, 0.9, 0.0]
+    means = {2: 0.75, 3: 0.75, 4: (30 + 15 + 10) / 70, 5: 0.9, 6: 60 * 0.9 / 80}
+    best = []
+    for row, of_row in enumerate(zip(flights, collected, strict=True), 1):
+        own.steps = row
+        count, mean = of_row
+        own.training_rows.append(
+            {"steps": row, "greedy_flights": count, "greedy_collected_and_landed": mean}
+        )
+        best.append(own.is_best)
+    assert dict(own._judged()) == pytest.approx(means)
+    assert best == [False, True, False, True, True, False]
+    short = trainer(kept_by="test_flights", steps=100, replay_prefill=64, validation_interval=64)
+    while not short.finished:
+        assert short.advance() == (short.steps == 64 or short.finished)
+    assert short.is_best  # too short for the rule: the last one is kept
 
 
 def test_a_row_has_the_losses_since_the_row_before_and_actions_the_temperature_of_their_step(

@@ -44,7 +44,7 @@ def train(
 
     | file | content |
     | --- | --- |
-    | `best.safetensors` | the agent with the highest return in validation so far: the result |
+    | `best.safetensors` | the best agent so far, by the recipe's `kept_by`: the result |
     | `training.safetensors` | everything needed to resume |
     | `training.csv` | a row for every 5000 environment steps: training episodes, greedy flights |
     | `validation.csv` | a row for each greedy validation |
@@ -52,7 +52,8 @@ def train(
     | `tensorboard/` | with `tensorboard`, the rows of both tables as event files |
     | `lock` | held during the run, so that no other process writes here |
 
-    All of them are written at each validation; what is needed to resume, every ten minutes as well.
+    All of them are written at each validation, and when there is a better agent; what is needed to
+    resume, every ten minutes as well.
     A run that was killed continues with `resume=True`, and ends with the same weights as one that
     was not; if nothing was saved yet, it begins. Ctrl-C and SIGTERM save the run, then raise
     `KeyboardInterrupt`. With `stop_after` the run is saved and stopped after that many environment
@@ -82,12 +83,12 @@ def train(
         board = Board(out / "tensorboard", trainer) if tensorboard else None
         with progress, closing(board) if board else nullcontext(), deferred_stop() as asked:
             while trainer.steps < end and not asked() and not stop():
-                validated = trainer.advance()
-                if validated or time.monotonic() - kept > SAVE_SECONDS:
+                to_keep = trainer.advance()
+                if to_keep or time.monotonic() - kept > SAVE_SECONDS:
                     _require_finite(trainer, saved)
                     save_run(saved, trainer)  # first: what the state tells can be written again
                     kept = time.monotonic()
-                    if validated:
+                    if to_keep:
                         progress.set_postfix_str(_write_results(trainer, out, command))
                         if board:
                             board.write()
@@ -146,18 +147,21 @@ def _restore(trainer: Trainer, out: Path, command: str) -> None:
         except (OSError, InputError, KeyError):
             begun = ""
         raise InputError(f"{error}{begun}") from None
-    if trainer.validation_rows:
+    if trainer.validation_rows or trainer.is_best:
         _mend(trainer, out, command)
 
 
 def _mend(trainer: Trainer, out: Path, command: str) -> None:
     """Write again what is lost or damaged, or was left out by a kill; agents alone cannot be."""
-    newest = trainer.validation_rows[-1]["steps"]
+    newest = trainer.validation_rows[-1]["steps"] if trainer.validation_rows else None
     try:
         written = read_table(out / "validation.csv")["steps"][-1] == newest
     except (OSError, InputError, LookupError):
         written = False
-    if trainer.steps == newest and not written:
+    best = out / "best.safetensors"
+    if trainer.is_best:  # then the state has its weights
+        written &= best.exists() and load(best, "agent")[1]["training"]["steps"] == trainer.steps
+    if not written and (trainer.is_best or trainer.steps == newest):
         _write_results(trainer, out, command)
     _write_tables(trainer, out)
     try:
@@ -166,9 +170,10 @@ def _mend(trainer: Trainer, out: Path, command: str) -> None:
         intact = False
     if not intact:
         _write_about(trainer, out, command)
-    if not (out / "best.safetensors").exists():
-        _refuse_part(out, "best.safetensors")
-    load(out / "best.safetensors", "agent")
+    if trainer.has_kept:
+        if not best.exists():
+            _refuse_part(out, best.name)
+        load(best, "agent")
 
 
 def _write_results(trainer: Trainer, out: Path, command: str) -> str:
@@ -177,6 +182,8 @@ def _write_results(trainer: Trainer, out: Path, command: str) -> str:
     if trainer.is_best:
         save_agent(out / "best.safetensors", replace(trainer.agent, training=training))
     _write_tables(trainer, out)
+    if not trainer.validation_rows:
+        return ""
     newest = trainer.validation_rows[-1]
     return f"landed {newest['landed']:.1%}, return {newest['return']:.1f}"
 
@@ -184,7 +191,8 @@ def _write_results(trainer: Trainer, out: Path, command: str) -> str:
 def _write_tables(trainer: Trainer, out: Path) -> None:
     if trainer.training_rows:
         write_table(out / "training.csv", trainer.training_rows)
-    write_table(out / "validation.csv", trainer.validation_rows)
+    if trainer.validation_rows:
+        write_table(out / "validation.csv", trainer.validation_rows)
 
 
 def _write_about(trainer: Trainer, out: Path, command: str) -> dict:
