@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from uavdh_lite import training
 from uavdh_lite.checkpoint import load, load_agent, save
 from uavdh_lite.errors import CheckpointError, InputError, TrainingDiverged
 from uavdh_lite.experiments import runs
@@ -122,16 +123,20 @@ def test_a_folder_with_a_run_or_a_part_of_one_is_refused_and_nothing_there_chang
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_the_best_agent_is_written_again_where_the_state_still_has_it(trainer, tmp_path):
+def test_the_best_agent_is_written_again_where_the_state_still_has_it(
+    trainer, tmp_path, monkeypatch
+):
     """Kept by test flights, it may be better at any row of the learning curve."""
+    monkeypatch.setattr(training, "BIN", 640)
+    monkeypatch.setattr(training, "TEST_FLIGHTS", 2)
     out, best = tmp_path / "run", tmp_path / "run" / "best.safetensors"
-    own = {"steps": 6_000, "replay_prefill": 200, "kept_by": "test_flights"}
-    train(trainer(**own), out, stop_after=5_000)
+    own = {"steps": 1_600, "replay_prefill": 200, "kept_by": "test_flights"}
+    train(trainer(**own), out, stop_after=640)
     weights = load_agent(best).network.state_dict()
     best.unlink()
-    train(trainer(**own), out, resume=True, stop_after=5_000)
+    train(trainer(**own), out, resume=True, stop_after=640)
     again = load_agent(best)
-    assert again.training["steps"] == 5_008
+    assert again.training["steps"] == 640
     assert all(torch.equal(weights[k], v) for k, v in again.network.state_dict().items())
 
 
