@@ -13,7 +13,7 @@ from uavdh_lite.scenario import find_scenario
 DDQN = {"manhattan_ddqn": "manhattan_ddqn"}
 TELL = """async ({ base64, ...told }) => {
     const answers = [];
-    if (base64 !== undefined) told.file = new File([pilots_js.bytesOf(base64)], told.name);
+    if (base64 !== undefined) told.file = { name: told.name, bytes: pilots_js.bytesOf(base64) };
     lab.post = (answer) => answers.push(answer);
     await lab.hear(told);
     return answers.findLast(({ kind }) => kind === "scene").scene;

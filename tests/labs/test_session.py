@@ -21,10 +21,9 @@ from uavdh_lite.storage import data_folder
 
 SAVED = """async () => {
     const found = [];
-    lab.post = ({ kind, blob }) => kind === "file" && found.push(blob);
+    lab.post = ({ kind, content }) => kind === "file" && found.push(content);
     await lab.hear({ kind: "save", what: "WHAT" });
-    const bytes = new Uint8Array(await found[0].arrayBuffer());
-    return btoa(String.fromCharCode(...bytes));
+    return new Uint8Array(await new Blob(found).arrayBuffer()).toBase64();
 }"""
 LANDING = np.argwhere(load_city("village").landing).tolist()
 

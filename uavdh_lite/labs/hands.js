@@ -249,9 +249,11 @@ export function attend(stage) {
     }
   }
 
-  const open = ([file, ...others]) => {
+  /** Sends what a file holds: not every engine lets a worker read the file itself. */
+  const open = async ([file, ...others]) => {
     stage.endStory();
-    ask({ kind: "open", file, others: others.length });
+    const bytes = new Uint8Array(await file.arrayBuffer());
+    ask({ kind: "open", file: { name: file.name, bytes }, others: others.length });
   };
   el.addEventListener("dragover", (event) => event.preventDefault());
   el.addEventListener("drop", (event) => {

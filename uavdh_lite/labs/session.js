@@ -586,28 +586,28 @@ export class Session {
       const { stage } = this;
       const { mission } = stage;
       if (what === "png") {
-        const blob = await pictureOf(mission.city);
-        return this.post({ kind: "file", name: `${mission.city.name}.png`, blob });
+        const content = await (await pictureOf(mission.city)).arrayBuffer();
+        return this.post({ kind: "file", name: `${mission.city.name}.png`, content });
       }
       const name = `${mission.city.name}_${what}.json`;
       this.notes.push(`Saved as ${name}.`);
       const values = what === "mission" ? mission.asJson() : stageAsJson(stage);
-      const blob = new Blob([JSON.stringify(values, null, 1)], { type: "application/json" });
-      this.post({ kind: "file", name, blob });
+      this.post({ kind: "file", name, content: JSON.stringify(values, null, 1) });
     },
   };
 
   /** The stage of a file or a link: a stage, a mission, a city's picture, or an agent. */
   async opened(file, link, notes) {
     if (link) return readFile(await textOfLink(link), this.shelf, notes);
-    if (file.size > 40_000_000) throw new InputError("this file is too large");
+    if (file.bytes.length > 40_000_000) throw new InputError("this file is too large");
     if (/\.png$/i.test(file.name)) {
       const city = await cityOfPicture(file, this.paintedName());
       return overCity(this.stage, city, this.shelf);
     }
-    if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf, notes);
+    if (!/\.safetensors$/i.test(file.name))
+      return readFile(new TextDecoder().decode(file.bytes), this.shelf, notes);
     const title = file.name.replace(/\.safetensors$/i, "");
-    const name = this.addAgent(title, new Uint8Array(await file.arrayBuffer()));
+    const name = this.addAgent(title, file.bytes);
     const { of, agent } = this.agents[name];
     const knows = this.agents[name].knows(this.stage.mission.city);
     if (!knows && !of)

@@ -159,8 +159,10 @@ export function draw(el, model) {
     get tells() {
       return opening !== null;
     },
-    tellStory: () =>
-      stage.ask({ kind: "open", file: new File([JSON.stringify(opening)], ""), story: true }),
+    tellStory() {
+      const bytes = new TextEncoder().encode(JSON.stringify(opening));
+      stage.ask({ kind: "open", file: { name: "", bytes }, story: true });
+    },
     endStory,
     goOn: () => tell(story + 1),
     seek: (time) => clock.show(time),
@@ -429,8 +431,8 @@ export function draw(el, model) {
     progress({ text, share }) {
       if (text || (share === undefined && !waiting.length)) busy(text, share);
     },
-    file({ name, blob }) {
-      const href = URL.createObjectURL(blob);
+    file({ name, content }) {
+      const href = URL.createObjectURL(new Blob([content]));
       Object.assign(document.createElement("a"), { href, download: name }).click();
       setTimeout(() => URL.revokeObjectURL(href), 10_000);
     },

@@ -274,7 +274,7 @@ export async function textOfLink(link) {
 /** The city of a picture, a PNG with one pixel a cell, under a name. */
 export async function cityOfPicture(file, name) {
   const exact = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
-  const picture = await createImageBitmap(file, exact).catch(() => null);
+  const picture = await createImageBitmap(new Blob([file.bytes]), exact).catch(() => null);
   require(picture, "this is not a readable PNG, or it is damaged: open one that Save as PNG made in Paint");
   const { width, height } = picture;
   require(Math.max(width, height) <=

@@ -119,7 +119,7 @@ export const THINK = {
   },
   why(stage, { why, expected, came, number }, { devices, flights }, step, best, playing) {
     const known = why?.step === step ? why : null;
-    const most = Math.max(1e-9, ...(known?.devices ?? []).map(({ worth }) => worth));
+    const most = Math.max(1, ...(known?.devices ?? []).map(({ worth }) => worth));
     devices.forEach((_, k) => {
       const found = known?.devices.find(({ device }) => device === k);
       const bar = stage.find(`[data-worth="${k}"]`);
@@ -192,8 +192,8 @@ function rose(values, before, labelled) {
     if (!labelled) return line;
     const to =
       value === null
-        ? 0.6
-        : 0.75 + Math.max(length(value), before?.[k] == null ? 0 : length(before[k]));
+        ? 1.2
+        : 0.75 + Math.max(0.45, length(value), before?.[k] == null ? 0 : length(before[k]));
     const anchor = right ? (right < 0 ? "end" : "start") : "middle";
     const [x, y] = [to * right, to * down + (k < HALF ? 0.2 * down : 0)];
     const text = value === null ? "not allowed" : signed(value);
