@@ -139,7 +139,7 @@ def test_the_rule_that_fails_first_is_told_with_its_smallest_case_and_the_digits
         (lambda x: None): "gives None, expected 2. Is there a `return` in every branch?",
         (lambda x: (x,)): r"gives \(1,\), but one number is expected",
         (lambda x: x + 99_999.0 + (x == 12)): r"gives 100000, expected 2\. One",
-        (lambda x: print): "returns <built-in function print>, which cannot be compared",
+        (lambda x: print): "gives <built-in function print>, but one number is expected",
         (lambda x: {}[x]): r"stops with KeyError: 1, in line \d+, `\(lambda x: {}\[x\]\)",
         (lambda x: sys.exit()): "stops with SystemExit.*One more",
         (lambda x: [][x]): r"\(1\) stops with IndexError: .*,`\. One more\.$",
@@ -260,12 +260,7 @@ def test_whatever_is_handed_in_or_given_back_ends_in_a_sentence(name):
 def test_values_are_compared_as_what_they_are():
     assert not difference(np.float32(0.1), 0.1) and not difference([1, 2.0], (1.0, 2.0))
     assert not difference(torch.tensor([1.0]), np.array([1.0])) and not difference(1, True)
-    assert (
-        not difference(Fraction(1, 2), 0.5)
-        and difference(4.5, 4)
-        and not difference(4.0, 4)
-        and difference([1.0], 1.0)
-    )
+    assert difference(4.5, 4) and not difference(4.0, 4) and difference([1.0], 1.0)
     assert difference([1.0], np.ones(1)) and difference(np.ones(1), np.ones(1, bool))
     assert "at [12]" in difference(np.arange(13), np.minimum(np.arange(13), 11))
 

@@ -35,10 +35,8 @@ def difference(given, right, tolerance: float = 1e-6, smallest: float = 1e-12) -
     if one.shape != other.shape:
         return f"has the shape {one.shape}, expected {other.shape}"
     if one.dtype == np.float32:  # it may be computed in fewer digits
-        tolerance, smallest = (
-            max(tolerance, 1e-4),
-            max(smallest, 1e-6 * np.abs(other).max(initial=0)),
-        )
+        tolerance = max(tolerance, 1e-4)
+        smallest = max(smallest, 1e-6 * np.abs(other).max(initial=0))
     far = ~np.isclose(one.astype(float), other.astype(float), tolerance, smallest, equal_nan=True)
     if far.any() and one.size > 12:
         place = tuple(np.argwhere(far)[0].tolist())
@@ -63,7 +61,7 @@ def _wanted(given, right, one: np.ndarray) -> str:
     if hasattr(right, "detach"):
         return "" if hasattr(given, "detach") else "a torch tensor"
     if np.ndim(right) == 0:
-        return "" if single and kind in "biufO" else "one number"
+        return "" if single and kind in "biuf" else "one number"
     kinds, wanted = ("b", "Booleans") if right.dtype == bool else ("biuf", "numbers")
     found = one.dtype if _is_array(given) else f"a {type(given).__name__}"
     return "" if _is_array(given) and kind in kinds else f"an array of {wanted}, not {found},"
