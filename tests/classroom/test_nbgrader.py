@@ -1,12 +1,15 @@
 """A class through our commands and nbgrader's: handed in, looked through, graded, given back."""
 
+import copy
 import csv
 import html
+import io
 import json
 import os
 import shutil
 import subprocess
 import sys
+import time
 import zipfile
 from pathlib import Path
 
@@ -122,6 +125,17 @@ def with_outputs(notebook):
     return notebook
 
 
+TRIGGER = """import glob, sqlite3
+for path in ["../../../gradebook.db", *glob.glob("/tmp/**/gradebook.db", recursive=True)]:
+    with sqlite3.connect(path) as book:
+        book.execute("create trigger t after insert on grade begin update grade set x = 9; end")
+"""
+PEEK = """import glob, os
+from IPython.display import HTML
+print("<script>alert(1)</script>", glob.glob("/**/*.ipynb", recursive=True)[-9:])
+print(os.listdir("../.."), os.listdir("../../../submitted"))
+HTML("<script>alert(1)</script>")"""
+
 # What each student made of the notebook, the points for it, and what is said before it is graded
 STUDENTS = {
     "all": (solved, [1, 2, 2], None),
@@ -143,6 +157,8 @@ STUDENTS = {
     "fake": (lambda n: with_cell(n, FAKE, _1_2=WRONG), [1, 0, 2], "in place of a check"),
     "patches": (lambda n: with_cell(n, PATCH, _1_2=WRONG), [1, 0, 2], "reads a solution"),
     "takes": (takes_a_solution, [1, 0, 2], "answer to 1.2 reads a solution"),
+    "trigger": (lambda n: with_cell(n, TRIGGER, _1_2=WRONG), [1, 0, 2], None),
+    "peeks": (lambda n: with_cell(n, PEEK), [1, 2, 2], None),
     "helped": (helped, [1, 2, 2], None),
     "import": (broken_import, [1, 2, 2], None),
     "heading": (lambda n: with_cell(n, "course = 'Radio'\n%time x = 1"), [1, 2, 2], None),
@@ -304,6 +320,42 @@ def test_what_is_no_file_sets_one_student_aside(tmp_path):
         assert sheet.notes == [f"set aside: {FILE} is not a file", "nothing handed in"]
 
 
+def test_what_is_large_or_odd_is_read(tmp_path):
+    """Outputs of 60 MB, 20,000 cells, a link to another's work, a name that is a script."""
+    release = NOTEBOOKS / "exercises" / ASSIGNMENT
+    shutil.copytree(release, tmp_path / "exercises" / ASSIGNMENT)
+    whole = solved(nbformat.read(release / f"{ASSIGNMENT}.ipynb", as_version=4))
+    for who in ("large", "many", "linked", "script", "both"):
+        (tmp_path / "submitted" / who / ASSIGNMENT).mkdir(parents=True)
+        path = tmp_path / "submitted" / who / FILE
+        own = copy.deepcopy(whole)
+        if who == "large":
+            output = nbformat.v4.new_output("stream", text="x" * 60_000_000)
+            answer(own, "1.1").outputs = [output]
+        elif who == "many":
+            own.cells += [nbformat.v4.new_code_cell(f"x = {k}") for k in range(20_000)]
+        elif who == "script":
+            path = path.with_name(f"{ASSIGNMENT}<script>\x1b[2J.ipynb")
+        elif who == "both":
+            shutil.copy(release / f"{ASSIGNMENT}.ipynb", path)
+            path = path.with_name(f"{ASSIGNMENT} (1).ipynb")
+        if who == "linked":
+            path.symlink_to(tmp_path / "submitted" / "large" / FILE)
+        else:
+            path.write_text(json.dumps(own))
+    began = time.monotonic()
+    sheets = {s.student: s for s in handed_in.look_through(tmp_path, ASSIGNMENT)}
+    assert time.monotonic() - began < 60
+    assert {w: s.answered for w, s in sheets.items()} == {
+        "large": 3, "many": 3, "script": 3, "both": 3, "linked": 0
+    }  # fmt: skip
+    assert "20,000 cells of your own" in sheets["many"].notes[0]
+    assert "is not a file" in sheets["linked"].notes[0]
+    text = (tmp_path / "checked" / "script" / FILE).read_text()
+    assert "&lt;script&gt;" in text and "<script>" not in text and "\\u001b" not in text
+    assert len((tmp_path / "checked" / "large" / FILE).read_text()) < 100_000
+
+
 def test_a_student_whom_moodle_numbers_anew_is_one_student(tmp_path):
     shutil.copytree(NOTEBOOKS / "exercises" / ASSIGNMENT, tmp_path / "exercises" / ASSIGNMENT)
     handed = {
@@ -319,7 +371,12 @@ def test_a_student_whom_moodle_numbers_anew_is_one_student(tmp_path):
         (tmp_path / "submitted" / who / name).mkdir(parents=True)
         (tmp_path / "submitted" / who / name / f"{name}.ipynb").write_text("{}")
     (tmp_path / "submitted" / "one_1" / "00").mkdir()
+    for who in ("N N_1", "N N_2"):  # two of one name, of whom one has handed in
+        (tmp_path / "submitted" / who / "00").mkdir(parents=True)
+    (tmp_path / "submitted" / "N N_3" / ASSIGNMENT).mkdir(parents=True)
+    (tmp_path / "submitted" / "N N_3" / FILE).write_text("{}")
     sheets = {s.student: s.missing for s in handed_in.look_through(tmp_path, ASSIGNMENT)}
+    assert sheets.pop("N N_3") is False and sheets.pop("N N_1") is True
     assert sheets == {"A B_1": True, "C_3": False, "D_1": True, "one_1": False, "one_2": True}
 
 
@@ -408,19 +465,23 @@ def test_moodle_s_worksheet_is_filled_in_with_the_points(tmp_path, capsys):
     assert handed_in.is_in_grade_book(tmp_path, ASSIGNMENT)
     assert not handed_in.is_in_grade_book(tmp_path, "99_none")
     header = "Identifier,Full name,Grade,Maximum Grade,Feedback comments\n"
-    for grade, most, given in (
-        ("Grade", "5.00", ["5.00", "2.00"]),
-        ("X", '"1,00"', ["1,00", "0,40"]),
+    for grade, most, given, code, mark in (
+        ("Grade", "5.00", ["5.00", "2.00"], "utf-8", ","),
+        ("X", "1,00", ["1,00", "0,40"], "cp1252", ";"),
+        ("X", "1.00", ["1.00", "0.40"], "utf-16", "\t"),
     ):
-        rows = "".join(f'Participant {n},"M, Ä",,{most},\n' for n in (101, 102, 103))
-        sheet.write_text(f"\ufeff{header.replace('Grade', grade, 1)}{rows}", encoding="utf-8")
+        rows = [header.replace("Grade", grade, 1).strip().split(",")]
+        rows += [[f"Participant {n}", "M, Ä", "", most] for n in (101, 102, 103)]
+        csv.writer(out := io.StringIO(), delimiter=mark).writerows(rows)
+        content = out.getvalue()
+        sheet.write_bytes(content.encode("utf-8-sig" if code == "utf-8" else code))
         assert main([*command, "--column", grade]) == 0
-        found = list(csv.reader(filled.read_text("utf-8").splitlines()))
+        found = list(csv.reader(filled.read_text(code).splitlines(), delimiter=mark))
         assert [row[2] for row in found[1:]] == [*given, ""] and found[1][1] == "M, Ä"
         assert f"- Gone_104 is not in {sheet}\n{filled}: 2 grades" in capsys.readouterr().out
     for bad in (
         header.replace("Grade", "Note"),
-        f"{header}Participant 101,A,,a scale,\n",
+        *(f"{header}Participant 101,A,,{most},\n" for most in ("a scale", "nan", "0", "inf")),
         "",
         "\0",
     ):
@@ -428,10 +489,19 @@ def test_moodle_s_worksheet_is_filled_in_with_the_points(tmp_path, capsys):
         assert main(command) == 2
         assert f"{sheet}: no grading worksheet with Grade" in capsys.readouterr().err
     with Gradebook(f"sqlite:///{tmp_path}/gradebook.db", "uavdh_lite") as book:
-        book.find_grade("check", "one", ASSIGNMENT, "B_102").auto_score = None
+        book.add_student("A twin_102")
+        book.add_submission(ASSIGNMENT, "A twin_102")
+        book.find_grade("check", "one", ASSIGNMENT, "A twin_102").auto_score = 1
         book.db.commit()
-    assert main(command) == 2  # what was never graded is not worth 0 points
-    assert f'autograde --force --student="B_102" {ASSIGNMENT}' in capsys.readouterr().err
+    assert main(command) == 2
+    said = capsys.readouterr().err
+    assert "submitted/A twin_102" in said and "submitted/B_102" in said and "one number" in said
+    for points, reason in ((297, f"B_102 has 297 of 5 points in {ASSIGNMENT}"), (None, "B_102")):
+        with Gradebook(f"sqlite:///{tmp_path}/gradebook.db", "uavdh_lite") as book:
+            book.find_grade("check", "one", ASSIGNMENT, "B_102").auto_score = points
+            book.db.commit()
+        assert main(command) == 2 and reason in (reason_said := capsys.readouterr().err)
+    assert f'autograde --force --student="B_102" {ASSIGNMENT}' in reason_said
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
@@ -520,6 +590,10 @@ def test_feedback_says_what_is_wrong_and_what_was_odd(course):
     }.items():
         assert text in said[student], student
     assert len(said["noisy"]) < len(said["all"]) + 300_000
+    for student in POINTS:
+        others = [name for name in POINTS if len(name) > 7 and name not in student]
+        assert not any(name in said[student] for name in others), student
+    assert "<script>alert" not in said["peeks"]
 
 
 @pytest.mark.long

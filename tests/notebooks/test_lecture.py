@@ -113,12 +113,38 @@ def test_the_handout_holds_the_notebooks_and_a_small_wheel(tmp_path, monkeypatch
     (made,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(made) as packed:
         names = packed.namelist()
+        sources = [packed.read(name).decode(errors="ignore") for name in names if _is_text(name)]
     agents = [name for name in names if "checkpoints/" in name]
     assert agents == ["uavdh_lite/data/checkpoints/manhattan_ddqn.safetensors"]
     assert "uavdh_lite/course/checks/notebook_00.py" in names and made.stat().st_size < 12e6
-    assert len(list(tmp_path.glob("notebooks/exercises/*/*.ipynb"))) == len(
-        execute.exercise_scripts()
-    )
+    sheets = list(tmp_path.glob("notebooks/exercises/*/*.ipynb"))
+    assert len(sheets) == len(execute.exercise_scripts())
+    handed = [path.read_text() for path in tmp_path.rglob("*") if path.suffix in (".ipynb", ".md")]
+    text = "\n".join(sources + [part.replace("\\n", "\n").replace('\\"', '"') for part in handed])
+    (shown,) = [one for one in secrets() if one in _plain(text)]
+    assert "Adam(network.parameters()" in shown  # with a solution to 6.2, sheet 6.4 begins
+
+
+def _is_text(name):
+    """Of the wheel; the checks compare with solutions of their own, which the guide says."""
+    return name.endswith((".py", ".md", ".toml", ".txt")) and "/course/checks/" not in name
+
+
+def _plain(text):
+    return " ".join(text.replace('",', "").replace('"', "").split())
+
+
+def secrets():
+    """What no student may get: each solution of more than a line, each sentence for teachers."""
+    found = []
+    for path in (handout.ROOT / "notebooks" / "scripts" / "exercises").glob("*.py"):
+        found += re.findall(r"(?s)### BEGIN SOLUTION\n(.*?) *### END SOLUTION", path.read_text())
+    found = [one for one in found if one.count("\n") > 2]
+    for path in (handout.ROOT / "docs" / "teach").glob("*.md"):
+        lines = path.read_text().splitlines()
+        found += [one for one in lines if len(one) > 100 and not one.startswith(("|", "#", " "))]
+    assert len(found) > 100
+    return [_plain(one) for one in found]
 
 
 def test_a_notebook_needs_nothing_but_the_small_wheel():

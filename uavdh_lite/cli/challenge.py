@@ -13,6 +13,7 @@ from uavdh_lite.cli.options import Count
 from uavdh_lite.course.challenge import SCORED, Challenge, enter, entry_name, opened
 from uavdh_lite.course.challenge import leaderboard as board_of
 from uavdh_lite.course.challenge import score as flown_score
+from uavdh_lite.course.walls import program
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Interval
 from uavdh_lite.experiments.report import interval_text
@@ -70,6 +71,12 @@ def score(
     names = [entry_name(path, name) for path in every]  # all are looked at before the first flies
     if twice := [one for one in names if names.count(one) > 1]:
         raise InputError(f"two submissions would be {twice[0]}: score them one by one, with --name")
+    if not (secret or unprotected):  # for practice, on a student's own machine
+        try:
+            program()
+        except InputError:
+            print("Nothing here keeps a submission apart: it runs with all that you may do.")
+            unprotected = True
     kept: AbstractContextManager[dict] = nullcontext({})
     with opened(leaderboard, flown) if leaderboard else kept as board:
         for path in every:

@@ -28,7 +28,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.storage import data_folder
 
 IMAGE = "uavdh_lite-students"
-IN_IMAGE = "/opt/uavdh_lite"  # where the image has this package
+IN_IMAGE = "/usr/local/lib/python3.11/site-packages"  # where the image has this package
 SCRATCH = 1 << 28  # bytes that a process may write, all in all
 GRACE = 10  # seconds until what ignores an interrupt is ended
 KEPT = 4096  # bytes of what a process says itself: the end, which says why it failed
