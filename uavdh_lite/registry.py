@@ -1,33 +1,31 @@
 """Recipes, scenarios, policies and sources of cities by name; an extension adds its own.
 
-A module registers what it has when it is imported. Our own are imported when something of their
-kind is looked up, so that a scenario is found without loading PyTorch. An extension is another
-package with an entry point in the group `uavdh_lite.extensions`; it is imported at the
-first look-up.
+A module registers what it has when it is imported. Packages name such modules as entry points, for
+each kind in a group such as `uavdh_lite.scenario`, ours in `pyproject.toml`; they are imported when
+something of that kind is looked up, so that a scenario is found without loading PyTorch.
 """
 
 import warnings
+from collections.abc import Callable
 from functools import cache
-from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from uavdh_lite.errors import InputError
 
 Kind = Literal["recipe", "recipe kind", "scenario", "policy", "cities"]
-GROUP = "uavdh_lite.extensions"
 
-# What a thing of each kind is, and our modules that register some. All of them stand above this
-# one, so they are named and not imported here.
-_KINDS = {
-    "recipe": ("a Recipe", ("recipe", "beyond.recipes")),
-    "recipe kind": ("a subclass of Recipe", ("recipe", "beyond.recipes")),
-    "scenario": ("a Scenario", ("scenario", "beyond.cities")),
-    "policy": ("a function", ("planners", "beyond.genie")),
-    "cities": ("a function", ("beyond.cities",)),
-}
-
+_kinds: dict[str, tuple[str, Callable[[Any], bool]]] = {}
 _known: dict[str, dict[str, Any]] = {}
+
+
+def define(kind: Kind, wanted: str, fits: Callable[[Any], bool]) -> None:
+    """Say what a thing of a kind is, in words, and by a function that tells whether one is it."""
+    _kinds[kind] = wanted, fits
+
+
+define("policy", "a function", callable)
+define("cities", "a function", callable)
 
 
 def register(kind: Kind, name: str, thing: Any) -> Any:
@@ -43,23 +41,13 @@ def register(kind: Kind, name: str, thing: Any) -> Any:
 
     Raises `InputError` for another kind, or a thing that is not of it.
     """
-    if kind not in _KINDS:
-        raise InputError(f"kind {kind!r} of {name!r}: choose one of {', '.join(_KINDS)}")
-    wanted, _ = _KINDS[kind]
-    if not _fits(thing, wanted):
+    if kind not in get_args(Kind):
+        raise InputError(f"kind {kind!r} of {name!r}: choose one of {', '.join(get_args(Kind))}")
+    wanted, fits = _kinds[kind]
+    if not fits(thing):
         raise InputError(f"{kind} {name!r}: must be {wanted}, found {thing!r}")
     _known.setdefault(kind, {})[name] = thing
     return thing
-
-
-def _fits(thing: Any, wanted: str) -> bool:
-    """Whether it is what the table says; classes are known by their names."""
-    *_, name = wanted.split()
-    is_class = isinstance(thing, type)
-    if name == "function":
-        return callable(thing)
-    classes = thing.__mro__ if is_class else type(thing).__mro__
-    return is_class == ("subclass" in wanted) and name in {each.__name__ for each in classes}
 
 
 def find(kind: Kind, name: str) -> Any:
@@ -71,22 +59,21 @@ def find(kind: Kind, name: str) -> Any:
 
 def names(kind: Kind) -> list[str]:
     """The known names of a kind, in the order in which they were registered."""
-    for module in _KINDS[kind][1]:
-        import_module(f"uavdh_lite.{module}")
-    _load_extensions()
+    _load(f"uavdh_lite.{kind.removesuffix(' kind')}")
     return list(_known.get(kind, {}))
 
 
 @cache
-def _load_extensions() -> None:
-    """Import every extension, once: to look for them takes a while. One that fails is left out."""
-    for extension in entry_points(group=GROUP):
+def _load(group: str) -> None:
+    """Import the modules of a group, once: to look for them takes a while. Of other packages, one
+    that fails is left out."""
+    for module in entry_points(group=group):
         try:
-            extension.load()
+            module.load()
         except Exception as error:  # whatever the code of others raises
             reason = f"{type(error).__name__}: {error}"
             warnings.warn(
-                f"extension {extension.name} ({extension.value}) is left out, because it fails "
+                f"extension {module.name} ({module.value}) is left out, because it fails "
                 f"with {reason}",
                 stacklevel=2,
             )

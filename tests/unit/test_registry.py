@@ -26,7 +26,7 @@ def extensions(monkeypatch):
         registry.names(kind)  # ours are imported
     known = {kind: dict(things) for kind, things in registry._known.items()}
     monkeypatch.setattr(registry, "_known", known)
-    monkeypatch.setattr(registry, "_load_extensions", registry._load_extensions.__wrapped__)
+    monkeypatch.setattr(registry, "_load", registry._load.__wrapped__)
 
     def install(**loads):
         found = [
