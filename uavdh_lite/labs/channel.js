@@ -1,6 +1,6 @@
 // The radio link of one device to every cell, without fading, as a ledger.
 
-import { KINDS, square } from "../player.js";
+import { KINDS } from "../player.js";
 import { button, colourOf, heat, outline, ramp, term } from "./html.js";
 import { signed, units } from "./words.js";
 import { CHANNEL, pathLossDb, rate } from "./world.js";
@@ -66,15 +66,14 @@ const tenths = (value) => Number(value.toFixed(1));
 export const CHANNEL_TOOL = {
   title: "Channel",
   still: () => true,
-  cursor:
-    "arrow keys move the cell that the UAV is over; Enter on a device chooses it, elsewhere it holds the cell",
+  cursor: "arrow keys move the cell that the UAV is over; Enter on a device chooses it",
   html({ panel, state }) {
     const [low, high] = panel.range.map((each) => `${each} dB`.replace("-", "−"));
     const device = (_, k) =>
       button(`device ${k}`, { kind: "look", device: k }, `aria-pressed="${k === panel.device}"`);
     return `<h2 class="sentence" aria-live="polite"></h2><div class="row">${state.devices.map(device).join("")}</div>
       <table class="ledger"></table>
-      ${ramp(low, high, `${term("SNR")} over each cell. Point at one; press to hold it.`)}`;
+      ${ramp(low, high, `${term("SNR")} over each cell. Point at one.`)}`;
   },
   under({
     film,
@@ -85,13 +84,13 @@ export const CHANNEL_TOOL = {
   }) {
     return heat(snr, film.city.length, (value) => colourOf((value - low) / (high - low)), 0.9);
   },
-  over({ film, panel, state: { held } }) {
+  over({ film, panel }) {
     const edge = outline(panel.building, film.city.length, (each) => each > 1e-6);
-    return `${edge}<path class="ray"/>${held ? `<path class="held" d="${square(held)}"/>` : ""}`;
+    return `${edge}<path class="ray"/>`;
   },
   point(stage, { panel, state, film }, pointed) {
-    const cell = state.held ?? pointed;
-    if (cell || this.city !== String(film.city)) [this.cell, this.city] = [cell, String(film.city)]; // the last one stays
+    if (pointed || this.city !== String(film.city))
+      [this.cell, this.city] = [pointed, String(film.city)]; // the last one stays
     const [row, col] = this.cell ?? panel.dearest;
     const number = row * film.city.length + col;
     const [y, x] = state.devices[panel.device].cell;

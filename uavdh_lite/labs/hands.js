@@ -45,8 +45,7 @@ export function attend(stage) {
   /** What a pointer takes: what is in its cell; near a finger, also what is beside it, unless a brush paints there. */
   const taken = (event, cell) => {
     const thing = cell && thingAt(cell);
-    const exact =
-      event.pointerType !== "touch" || tool() === TOOLS.paint || el.classList.contains("adding");
+    const exact = event.pointerType !== "touch" || tool() === TOOLS.paint;
     if (thing !== null || exact) return thing;
     const beside = nearest(
       event.target.closest(".map").querySelectorAll("g[data-device]"),
@@ -59,17 +58,6 @@ export function attend(stage) {
     stage.hovered = cell;
     stage.point();
   };
-  /** In Channel a press chooses a device; elsewhere it holds the cell, or lets it go. */
-  const link = (cell, thing = thingAt(cell)) => {
-    const { held } = stage.scene.state;
-    const device = thing !== null && thing >= 0;
-    ask(
-      device
-        ? { kind: "look", device: thing }
-        : { kind: "hold", cell: String(cell) === String(held) ? null : cell },
-    );
-  };
-
   const seek = ({ target, clientX, buttons }) => {
     const chart = target.closest?.(".chart");
     if (!chart || !buttons) return;
@@ -85,11 +73,7 @@ export function attend(stage) {
     if (!cell && thing === null) return;
     const { tool: name } = stage.scene.state;
     hover(cell); // a finger does not hover
-    if (el.classList.contains("adding")) return add(cell);
-    if (name === "channel") {
-      find("#panel").scrollTop = 0; // to the sentence about the cell
-      link(cell, thing);
-    }
+    if (name === "channel" && thing !== null && thing >= 0) ask({ kind: "look", device: thing });
     const painting = name === "paint" && thing === null;
     if (!painting && (thing === null || name === "watch")) return;
     event.preventDefault();
@@ -143,11 +127,6 @@ export function attend(stage) {
       `Not painted: ${thing < 0 ? "the start" : `device ${thing}`} is there. Move it away, or paint over it from beside.`,
     );
 
-  function add(cell) {
-    el.classList.remove("adding");
-    ask({ kind: "add", cell });
-  }
-
   /** Paints all cells on the way, however fast the pointer is. */
   function strokeTo(cell, before) {
     const ways = cell.map((each, axis) => each - before[axis]);
@@ -179,7 +158,7 @@ export function attend(stage) {
   el.addEventListener("click", (event) => {
     const target = pressed(event).closest("button, [data-ask], .term, .refusal");
     if (!target) return;
-    const { ask: asked, tool: name, sign, set } = target.dataset;
+    const { ask: asked, tool: name, sign } = target.dataset;
     if (!target.closest(".caption, .controls, .full")) stage.endStory();
     const does_ = Object.keys(does).find((each) => target.classList.contains(each));
     if (asked) [JSON.parse(asked)].flat().forEach(ask);
@@ -187,12 +166,6 @@ export function attend(stage) {
     else if (sign) {
       brush.sign = sign;
       stage.paint();
-    } else if (set === "place") {
-      el.classList.toggle("adding");
-      stage.paint();
-      if (!el.classList.contains("adding")) return;
-      maps()[0].setAttribute("tabindex", "-1"); // so that keys choose the cell in any tool
-      maps()[0].focus();
     } else if (does_) does[does_](target);
     // Keys steer after a press, too, unless it asks for a place or a number
     const steers =
@@ -287,8 +260,8 @@ export function attend(stage) {
     }
     if (device >= 0 && ["Delete", "Backspace"].includes(key))
       return () => ask({ kind: "remove", device: Number(device) });
-    if (device && key === "Enter" && state.tool === "channel")
-      return () => link(device < 0 ? state.start : state.devices[device].cell);
+    if (device >= 0 && key === "Enter" && state.tool === "channel")
+      return () => ask({ kind: "look", device: Number(device) });
     if (target.matches(".map svg")) return overMap(key, down, right);
     if (target.matches(".curves")) return tool().keyed(stage, key, down, right);
     const presses = key === " " && target.matches("button:not([role=tab])");
@@ -309,8 +282,7 @@ export function attend(stage) {
     if (target.matches(".map svg:focus-visible")) pointAt(stage.hovered ?? left ?? start);
     else if (target.matches(".map g[data-device]:focus-visible"))
       pointAt(devices[target.dataset.device]?.cell ?? start);
-    if (target.matches(":focus-visible:not(.drawer *)") && !el.classList.contains("adding"))
-      find(".drawer").close(); // it would hide the focus
+    if (target.matches(":focus-visible:not(.drawer *)")) find(".drawer").close(); // it would hide the focus
   });
   el.addEventListener("focusout", ({ target, relatedTarget }) => {
     if (target.matches(".map svg")) left = stage.hovered;
@@ -328,10 +300,10 @@ export function attend(stage) {
       return () => pointAt([inside(row + down), inside(col + right)]);
     }
     if (key !== " " && key !== "Enter") return null;
-    if (el.classList.contains("adding")) return () => add([row, col]);
     const thing = thingAt([row, col]);
     const { tool: name } = stage.scene.state;
-    if (name === "channel") return () => link([row, col]);
+    if (name === "channel" && thing !== null && thing >= 0)
+      return () => ask({ kind: "look", device: thing });
     if (name !== "paint") return null;
     return () =>
       thing === null
@@ -346,9 +318,7 @@ export function attend(stage) {
       if (event.altKey || !event.target.closest) return;
       if (event.target !== document.body && !el.contains(event.target)) return;
       if (event.key === "Escape") {
-        el.classList.remove("adding");
         find(".drawer").close();
-        if (tool() === TOOLS.channel && stage.scene.state.held) ask({ kind: "hold", cell: null });
         stage.paint();
         return stage.endStory();
       }

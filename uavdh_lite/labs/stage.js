@@ -62,7 +62,7 @@ const page = (tools) => `<div class="main">
     <form method="dialog"><h2>${MORE}</h2><button class="close" aria-label="close">×</button></form>
     <table class="devices"></table>
     <div class="row fields"></div>
-    <div class="row"><button type="button" data-set="place">Add a device</button><span class="hint" role="status"></span></div>
+    <div class="row">${button("Add a device", { kind: "add" }, 'class="add"')}</div>
     <div class="row">${button("Save", { kind: "save", what: "stage" })}
       ${button("Save the mission alone", { kind: "save", what: "mission" })}
       <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label></div>
@@ -330,7 +330,7 @@ export function draw(el, model) {
           ? `${where}[data-${name}="${CSS.escape(value)}"]`
           : `.${focused.classList[0]}`;
       if (same !== ".undefined") find(same)?.focus({ preventScroll: true });
-      if (lost() && inDrawer) find("[data-set=place]").focus(); // what had it was removed
+      if (lost() && inDrawer) find(".add").focus(); // what had it was removed
       if (lost()) find("#panel").focus({ preventScroll: true });
     };
   }
@@ -338,7 +338,6 @@ export function draw(el, model) {
   function paintDrawer() {
     const { state } = scene;
     const full = state.devices.length >= state.most;
-    const adding = el.classList.contains("adding") && !full;
     const field = (name, label, value, limits) =>
       `<label>${label} <input type="number" data-field="${name}" value="${value}" required ${limits}></label>`;
     const axis = `min="0" max="${scene.film.city.length - 1}"`;
@@ -355,12 +354,7 @@ export function draw(el, model) {
       ".fields",
       field("time", "flying time", state.flyingTime, `min="1" max="${LONGEST}"`),
     );
-    find("[data-set=place]").setAttribute("aria-pressed", adding);
-    find("[data-set=place]").disabled = full;
-    stage.fill(
-      ".hint",
-      full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "",
-    );
+    find(".add").disabled = full;
   }
 
   /** The step that is shown, −1 for the last. */

@@ -352,11 +352,14 @@ export const CHANGES = {
   data: (stage, { device, value }, shelf) =>
     change(stage, shelf, { data: put(stage.mission.data, device, value) }),
   time: (stage, { value }, shelf) => change(stage, shelf, { flyingTime: value }),
-  add: (stage, { cell }, shelf) =>
-    change(stage, shelf, {
-      devices: [...stage.mission.devices, cell],
-      data: [...stage.mission.data, 10],
-    }),
+  /** Adds a device, near the middle if no cell is told. */
+  add(stage, { cell }, shelf) {
+    const { city, devices, data } = stage.mission;
+    const free = Uint8Array.from(city.openToDevices);
+    for (const taken of devices) free[city.cell(taken)] = 0;
+    const there = cell ?? nearest(city, free, [city.size / 2, city.size / 2]);
+    return change(stage, shelf, { devices: [...devices, there], data: [...data, 10] });
+  },
   remove(stage, { device }, shelf) {
     const { devices, data, maxDevices } = stage.mission;
     require(devices.length > 1, `the last device stays: a mission here has 1 to ${maxDevices}`);
