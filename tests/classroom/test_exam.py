@@ -39,6 +39,10 @@ def fixed(part, **numbers):
 def test_answers_are_those_worked_out_by_hand():
     target = fixed("double DQN", online=[5.0, 9, 7], target=[6.0, 4, 8], r=1, gamma=0.5).key
     assert "= 5 [2]. Double DQN" in target and "= 3 [2]" in target
+    (double,) = (question for question in questions() if "double DQN" in question["ask"])
+    for seed in range(20):  # the two targets differ, whatever is drawn
+        key = with_numbers(double, stream(Use.EXERCISE, seed)).key
+        assert len(set(re.findall(r"= (\S+) \[2\]", key))) == 2
     assert "= 371 m [1]" in fixed("through the air*, behind", d=40).key
     assert "= 2,416 [2]" in fixed("kernels of", kernels=16, k=5, layers=6, stride=2, size=16).key
     late = fixed("forgets the landing", d=5, spare=1)
