@@ -29,11 +29,16 @@ def pytest_xdist_auto_num_workers(config) -> int:
 
 
 def pytest_collection_modifyitems(items):
-    """Of these notebooks others run the code: `test_solutions.py`, and the project's template."""
+    """Of some notebooks others run the code: `test_solutions.py`, and the project's template.
+
+    Those that go further than the course are run by CI.
+    """
     for item in items:
         if "solutions" in item.path.parts or item.path.stem.startswith("example_"):
             item.add_marker("long")
             item.add_marker("longest")
+        elif item.path.suffix == ".ipynb" and item.path.stem >= "10":
+            item.add_marker("long")
 
 
 @pytest.fixture(scope="module")

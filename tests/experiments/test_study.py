@@ -2,11 +2,9 @@
 
 import contextlib
 import json
-import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -138,54 +136,23 @@ def training_processes(out):
     return found
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """A cluster of three workers, which wait for no lock, and their processes."""
+@pytest.mark.long
+def test_a_study_whose_call_was_killed_goes_on_at_the_cluster(tmp_path):
+    """Two workers are still at its runs, whose locks they hold, when the third takes one."""
     distributed = pytest.importorskip("dask.distributed")
     options = {"n_workers": 3, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
         client.run(setattr, runs, "LOCK_SECONDS", 0)
-        yield cluster.scheduler_address, set(client.run(os.getpid).values())
-
-
-@pytest.mark.long
-@pytest.mark.longest
-def test_a_cluster_that_loses_a_worker_makes_the_same_runs(finished, tmp_path, cluster):
-    """The first worker that is seen with a run of its own is killed while it trains."""
-    address, workers = cluster
-    killed, over = [], threading.Event()
-
-    def kill_one():
-        while not killed and not over.is_set():
-            for process in training_processes(tmp_path):
-                process.kill()
-                killed.append(process.pid)
-                return
-
-    watching = threading.Thread(target=kill_one)
-    watching.start()
-    try:
-        scenario, variants = find_scenario("village"), centring(RECIPE)
-        run_study(scenario, variants, 2, tmp_path, command="a command", cluster=address)
-    finally:
-        over.set()
-        watching.join()
-    assert killed and killed[0] in workers
-    assert_same_runs(tmp_path, finished[0])
-
-
-@pytest.mark.long
-def test_a_study_whose_call_was_killed_goes_on_at_the_cluster(tmp_path, cluster):
-    """Two workers are still at its runs, whose locks they hold, when the third takes one."""
-    command = study(tmp_path, "--cluster", cluster[0], "--seeds", "1", "--steps", "40960")
-    process = subprocess.Popen([sys.executable, "-m", "uavdh_lite", *command])
-    while len(list(tmp_path.glob(f"*/{SAVED}"))) < 2:
-        assert process.poll() is None
-        time.sleep(0.01)
-    process.kill()
-    process.wait()
-    assert training_processes(tmp_path)
-    assert main(command) == 0
+        at = ["--cluster", cluster.scheduler_address]
+        command = study(tmp_path, *at, "--seeds", "1", "--steps", "40960")
+        process = subprocess.Popen([sys.executable, "-m", "uavdh_lite", *command])
+        while len(list(tmp_path.glob(f"*/{SAVED}"))) < 2:
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.kill()
+        process.wait()
+        assert training_processes(tmp_path)
+        assert main(command) == 0
     saved = [load(path, "training")[1]["steps"] for path in tmp_path.glob(f"*/{SAVED}")]
     assert saved == [40_960] * 2
 
