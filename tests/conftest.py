@@ -22,6 +22,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 torch.set_num_threads(1)
 
 
+LONGEST = {"test_page", "test_checks", "test_nbgrader", "test_mutants", "07_training", "test_site"}
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config) -> int:
     """One worker more than cores: browsers, servers and time limits leave their core idle."""
@@ -31,8 +34,10 @@ def pytest_xdist_auto_num_workers(config) -> int:
 def pytest_collection_modifyitems(items):
     """Of some notebooks others run the code: `test_solutions.py`, and the project's template.
 
-    Those that go further than the course are run by CI.
+    Those that go further than the course are run by CI. The longest files begin first, so that none
+    of them is left over at the end.
     """
+    items.sort(key=lambda item: item.path.stem not in LONGEST)
     for item in items:
         if "solutions" in item.path.parts or item.path.stem.startswith("example_"):
             item.add_marker("long")

@@ -142,17 +142,17 @@ def test_the_best_agent_is_written_again_where_the_state_still_has_it(
 
 def test_the_same_call_with_resume_begins_and_continues_and_ends(trainer, tmp_path, monkeypatch):
     """Killed between the state and the tables, with a half-written file: all is mended."""
-    whole = trainer(steps=2000)
+    whole = trainer(steps=1200)
     train(whole, tmp_path / "whole")
     out = tmp_path / "run"
     monkeypatch.setattr(runs, "_write_results", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        train(trainer(steps=2000), out, resume=True)
+        train(trainer(steps=1200), out, resume=True)
     monkeypatch.undo()
     assert (out / SAVED).exists() and not (out / "validation.csv").exists()
     (out / ".best-0123.unfinished.safetensors").write_bytes(b"half")
     (out / "about.json").write_text("{")
-    train(trainer(steps=2000), out, resume=True)
+    train(trainer(steps=1200), out, resume=True)
     assert sorted(p.name for p in out.iterdir()) == sorted(
         p.name for p in (tmp_path / "whole").iterdir()
     )
