@@ -246,13 +246,14 @@ def mean_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Inter
     """The mean of values, (N,), with Wilson's interval if all are 0 or 1, else the bootstrap's.
 
     What is 0 or 1 says yes or no, such as `landed`. Of rare events the bootstrap would be too sure.
-    Over several `groups`, such as cities, the interval is always that of `bootstrap_interval`.
+    Over several `groups`, such as cities, the interval is always that of `bootstrap_interval`. A
+    single value has none: it is a point.
 
     Raises `InputError` if there are no values.
     """
     if not len(values):
         raise InputError("no values: they have no mean")
-    wilson = _alone(groups) and np.isin(values, (0, 1)).all()
+    wilson = len(values) > 1 and _alone(groups) and np.isin(values, (0, 1)).all()
     return wilson_interval(values) if wilson else bootstrap_interval(values, groups)
 
 

@@ -129,10 +129,10 @@ def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path):
 
 def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(capsys):
     for city, scenario in (("random:1:3:12", "any_city"), ("open_field", "open_field")):
-        assert main(["evaluate", "--episodes", "2", "--city", city]) == 0
+        assert main(["evaluate", "--episodes", "1", "--city", city]) == 0
         header, _, row = capsys.readouterr().out.splitlines()
-        assert f"{scenario}: 2 random missions over " in header and ", seed 0" in header
-        assert row.split()[0] == scenario
+        assert f"{scenario}: 1 random missions over " in header and ", seed 0" in header
+        assert row.split()[0] == scenario and "(" not in row  # a single value has no interval
 
 
 @pytest.mark.parametrize(("command", "name"), [("train", "lite"), ("study", "told")])

@@ -183,5 +183,6 @@ def test_shares_get_wilsons_interval_as_in_the_tables(generator):
     assert wilson_interval(np.ones(1000)) == pytest.approx((1, 0.99617, 1), abs=1e-5)
     others = generator.random(50)
     assert mean_interval(others) == bootstrap_interval(others)
+    assert mean_interval(np.ones(1)) == (1, 1, 1)
     with pytest.raises(InputError, match="no values"):
         mean_interval([])
