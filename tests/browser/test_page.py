@@ -17,7 +17,7 @@ from uavdh_lite.missions import Mission, as_json
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import data_folder
 
-TOOLS = ("Fly", "Compare", "Think", "Channel", "Paint")
+TOOLS = ("Fly", "Compare", "Think", "Channel", "Paint", "Train")
 SIZES = {  # in CSS pixels: a phone, a projector at 200 %, a tablet, a laptop, a projector
     "phone": (390, 844),
     "zoomed": (960, 540),
@@ -134,6 +134,7 @@ MAIN = {  # what is in sight before anybody scrolls
     "Think": (".chosen", ".tool .rose"),
     "Channel": (".sentence", ".ledger"),
     "Paint": (".swatch:last-child",),
+    "Train": ("[data-act=learn]",),
 }
 WORDS = """each => {
     const shown = (node) => !node.closest?.("details:not([open]) > :not(summary), svg, select");

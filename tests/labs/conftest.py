@@ -31,7 +31,7 @@ def modules(browser):
 @pytest.fixture(scope="module")
 def shared(modules):
     """A session with the DDQN agent of manhattan, as `lab` in the browser."""
-    told = json.dumps({**data(DDQN, True), "tool": None, "mission": None})
+    told = json.dumps({**data(DDQN), "tool": None, "mission": None})
     modules(f"() => {{ window.lab = new session_js.Session({told}, () => {{}}); lab.render(); }}")
 
 

@@ -3,8 +3,8 @@
 import { checkpoint } from "../../uavdh_lite/labs/checkpoint.js";
 import { Trainer } from "../../uavdh_lite/labs/training.js";
 
-const numbers = (tensors) =>
-  Object.fromEntries(Object.entries(tensors).map(([name, { values }]) => [name, [...values]]));
+const numbers = (tensors, part = "values") =>
+  Object.fromEntries(Object.entries(tensors).map(([name, tensor]) => [name, [...tensor[part]]]));
 const stateOf = ({ uav_cell, time_left, device_cells, data_initial, data_left }) => ({
   uavCell: uav_cell,
   timeLeft: time_left,
@@ -28,16 +28,15 @@ function updated({ run, weights, batch, updates }) {
   }));
   const values = [
     ...trainer.valuesOf(
-      trainer.online,
+      [trainer.online],
       told.map(({ state }) => state),
-      trainer.before,
-    ),
+    )[0],
   ].slice(0, 6 * told.length);
   const targets = trainer.targets(told);
   const gradients = [];
   for (let k = 0; k < updates; k++) {
     trainer.update(told);
-    gradients.push(numbers(trainer.online.asTensors("gradient")));
+    gradients.push(numbers(trainer.online.tensors, "gradient"));
   }
   const [online, target] = [trainer.online, trainer.target].map((network) =>
     numbers(network.tensors),

@@ -19,6 +19,7 @@ from uavdh_lite.recipe import SMALL
 from uavdh_lite.replay import Batch
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream, torch_seed
+from uavdh_lite.training import Trainer
 
 LEARNING = Path(__file__).with_name("learning.js")
 VILLAGE = load_city("village")
@@ -193,3 +194,24 @@ def test_python_loads_an_agent_of_the_labs_and_it_lands_as_often(runs, tmp_path)
     point = runs["usual"]["points"][-1]
     assert flights["landed"].mean == pytest.approx(point["landed"], abs=0.2)
     assert flights["collected_and_landed"].mean == pytest.approx(point["home"], abs=0.2)
+
+
+@pytest.mark.long
+def test_three_seeds_end_within_the_spread_of_the_librarys(tmp_path):
+    steps, seeds, file = 48_000, range(3), tmp_path / "agent.safetensors"
+    recipe = replace(SMALL, steps=steps)
+    questions = [
+        {"run": run_of(VILLAGE, steps=steps, seed=seed), "steps": steps // 16} for seed in seeds
+    ]
+    found: dict[str, list[float]] = {"labs": [], "library": []}
+    for seed, learned in zip(seeds, asked(runs=questions)["runs"], strict=True):
+        file.write_bytes(base64.b64decode(learned["file"]))
+        trainer = Trainer(find_scenario("village"), recipe, seed)
+        while not trainer.finished:
+            trainer.step()
+        for name, agent in (("labs", load_agent(file)), ("library", trainer.agent)):
+            flights = evaluate(agent.environment, agent, agent.scenario, 500, 0)
+            found[name].append(flights.metrics()["collected_and_landed"].mean)
+    lowest, highest = min(found["library"]), max(found["library"])
+    spread = highest - lowest
+    assert all(lowest - spread <= each <= highest + spread for each in found["labs"]), found

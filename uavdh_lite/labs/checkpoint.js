@@ -5,7 +5,7 @@ const TYPES = new Map([
   [Uint8Array, "U8"],
 ]);
 const TORCH = { F32: "torch.float32", U8: "torch.uint8" };
-const LONGEST = 50; // letters of a recipe's or a scenario's name in Python
+const [LONGEST, ODD] = [50, /[/\\:*?"<>|]/g]; // letters of a scenario's name in Python, and those it may not have
 
 /** What the file holds of a run: tensors by name, and JSON values. @param {import("./training.js").Trainer} trainer */
 function partsOf({ environment: { city, size }, scenario, dials, online, steps, updates, turned }) {
@@ -18,7 +18,11 @@ function partsOf({ environment: { city, size }, scenario, dials, online, steps, 
     format: 1,
     kind: "agent",
     recipe,
-    scenario: { ...scenario, name: scenario.name.slice(0, LONGEST) },
+    scenario: {
+      city: city.name,
+      ...scenario,
+      name: scenario.name.replace(ODD, "_").slice(0, LONGEST),
+    },
     cities: [{ name: city.name, size }],
     size,
     training: { seed, steps, updates, double, frozen, turned, by: "the labs" },

@@ -50,6 +50,12 @@ export class Hangar {
     return { ...flight.trajectory, ...(pilot.qValues && { values }) };
   }
 
+  /** Forgets what an agent of this name flew, because another has its name now. */
+  forget(name) {
+    this.flown.delete(name);
+    this.pilots.delete(name);
+  }
+
   pilot(name) {
     const { agents, environment } = this;
     return kept(

@@ -75,7 +75,7 @@ export function attend(stage) {
     hover(cell); // a finger does not hover
     if (name === "channel" && thing !== null && thing >= 0) ask({ kind: "look", device: thing });
     const painting = name === "paint" && thing === null;
-    if (!painting && (thing === null || name === "watch")) return;
+    if (!painting && thing === null) return;
     event.preventDefault();
     main.setPointerCapture(event.pointerId);
     drag = {
@@ -186,11 +186,7 @@ export function attend(stage) {
     if (set === "city") ask({ kind: "city", name: value });
     else if (set?.startsWith("policy-"))
       ask({ kind: "policy", which: Number(set.at(-1)), name: value });
-    else if (set?.startsWith("run-")) {
-      const runs = [...looks.runs];
-      runs[Number(set.at(-1))] = value === "" ? null : Number(value);
-      ask({ kind: "see", name: "runs", value: runs.filter((run) => run !== null) });
-    } else if (set === "link") stage.openLink(value);
+    else if (set === "link") stage.openLink(value);
     else if (set in looks)
       ask({ kind: "see", name: set, value: target.type === "checkbox" ? target.checked : value });
     if (field) changeField(field, target);

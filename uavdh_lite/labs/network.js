@@ -1,8 +1,7 @@
-// A Q-network that learns: network.py with its gradients, and the optimiser. tests/labs/test_network.py
-// compares both with PyTorch's.
-//
-// A batch has n rows. A map of W×W cells is written cell by cell, with all channels of a cell beside
-// each other, and so is what the convolutions make of it. Buffers are made once.
+// A Q-network that learns: network.py with its gradients, and the optimiser. tests/labs/test_learning.py
+// compares both with PyTorch's. A batch has n rows, and each layer its own buffers for as many as it has
+// at most: `forward(x, n)` gives the layer's output, `backward(slopes, n)` the gradients of its weights
+// and, from the slopes of what comes out, those of what goes in.
 
 import { ACTIONS } from "./world.js";
 
@@ -10,17 +9,9 @@ import { ACTIONS } from "./world.js";
 class Weights {
   constructor(name, shape, values) {
     Object.assign(this, { name, shape, values });
-    this.gradient = new Float32Array(values.length);
-    this.moment = new Float32Array(values.length);
-    this.square = new Float32Array(values.length);
-    this.largest = new Float32Array(values.length);
+    for (const part of ["gradient", "moment", "square", "largest"])
+      this[part] = new Float32Array(values.length);
   }
-}
-
-/** Glorot's uniform weights. */
-function glorot(generator, count, inputs, outputs) {
-  const most = Math.sqrt(6 / (inputs + outputs));
-  return Float32Array.from({ length: count }, () => generator.uniform(-most, most));
 }
 
 /**
@@ -86,160 +77,125 @@ function transpose(a, b, rows, cols) {
   for (let i = 0; i < rows; i++) for (let j = 0; j < cols; j++) b[j * rows + i] = a[i * cols + j];
 }
 
+/** Fully connected; the first weights are Glorot's uniform ones. */
 class Linear {
-  constructor(name, inputs, outputs, batch, generator) {
-    Object.assign(this, { inputs, outputs, batch });
-    const values = glorot(generator, inputs * outputs, inputs, outputs);
-    this.weight = new Weights(`${name}.weight`, [outputs, inputs], values);
+  constructor(
+    name,
+    inputs,
+    outputs,
+    batch,
+    generator,
+    fan = [inputs, outputs],
+    shape = [outputs, inputs],
+  ) {
+    Object.assign(this, { inputs, outputs });
+    const most = Math.sqrt(6 / (fan[0] + fan[1]));
+    const values = new Float32Array(inputs * outputs).map(() => generator.uniform(-most, most));
+    this.weight = new Weights(`${name}.weight`, shape, values);
     this.bias = new Weights(`${name}.bias`, [outputs], new Float32Array(outputs));
-    this.out = new Float32Array(batch * outputs);
-    this.slopes = new Float32Array(batch * inputs);
-    const sizes = { columns: inputs * batch, turned: outputs * batch, across: inputs * outputs };
+    this.weights = [this.weight, this.bias];
+    const sizes = { out: batch * outputs, slopes: batch * inputs, columns: inputs * batch };
+    Object.assign(sizes, { turned: outputs * batch, across: inputs * outputs });
     for (const [buffer, size] of Object.entries(sizes)) this[buffer] = new Float32Array(size);
   }
 
-  get weights() {
-    return [this.weight, this.bias];
-  }
-
   forward(x, n) {
-    const { inputs, outputs, out } = this;
+    const { inputs, outputs, out, bias } = this;
     product(x, this.weight.values, out, n, outputs, inputs);
-    for (let at = 0; at < n * outputs; at++) out[at] += this.bias.values[at % outputs];
+    for (let at = 0; at < n * outputs; at++) out[at] += bias.values[at % outputs];
     this.x = x;
     return out;
   }
 
   backward(slopes, n) {
-    const { inputs, outputs, columns, turned, across } = this;
+    const { inputs, outputs, columns, turned, across, weight } = this;
     transpose(this.x, columns, n, inputs);
     transpose(slopes, turned, n, outputs);
-    transpose(this.weight.values, across, outputs, inputs);
-    product(turned, columns, this.weight.gradient, outputs, inputs, n);
-    this.bias.gradient.fill(0);
-    for (let at = 0; at < n * outputs; at++) this.bias.gradient[at % outputs] += slopes[at];
+    transpose(weight.values, across, outputs, inputs);
+    product(turned, columns, weight.gradient, outputs, inputs, n);
+    const bias = this.bias.gradient.fill(0);
+    for (let at = 0; at < n * outputs; at++) bias[at % outputs] += slopes[at];
+    if (this.first) return null; // nothing is before it
     product(slopes, across, this.slopes, n, inputs, outputs);
     return this.slopes;
   }
 }
 
-/** Kernels over each place of a map, no padding. Inputs of 0 cost nothing: most of a map, half after a ReLU. */
-class Convolution {
-  constructor(name, channels, width, kernels, side, stride, batch, generator) {
-    Object.assign(this, { channels, cells: width ** 2, kernels });
-    this.width = Math.floor((width - side) / stride) + 1;
-    this.places = this.width ** 2;
-    const area = side ** 2;
-    const values = glorot(generator, kernels * channels * area, channels * area, kernels * area);
-    this.weight = new Weights(`${name}.weight`, [kernels, channels, side, side], values);
-    this.bias = new Weights(`${name}.bias`, [kernels], new Float32Array(kernels));
-    this.out = new Float32Array(batch * this.places * kernels);
-    this.slopes = new Float32Array(batch * this.cells * channels);
-    // For each cell, the places whose kernel it is under, and where in the kernel
-    this.begin = new Int32Array(this.cells + 1);
-    const under = [];
-    for (let cell = 0; cell < this.cells; cell++) {
-      const [row, col] = [Math.floor(cell / width), cell % width];
-      for (let place = 0; place < this.places; place++) {
-        const down = row - stride * Math.floor(place / this.width);
-        const right = col - stride * (place % this.width);
-        const inside = Math.min(down, right) >= 0 && Math.max(down, right) < side;
-        if (inside) under.push(place * kernels, (down * side + right) * channels * kernels);
-      }
-      this.begin[cell + 1] = under.length;
-    }
-    this.under = Int32Array.from(under);
-  }
+/** Puts into each row of a batch what stands at some places of the row before, and more behind it. */
+class Gather {
+  weights = [];
 
-  get weights() {
-    return [this.weight, this.bias];
+  constructor(places, length, batch, more = 0) {
+    Object.assign(this, { places: Int32Array.from(places), length, more, extra: null });
+    this.width = places.length + more;
+    this.out = new Float32Array(batch * this.width);
+    this.slopes = new Float32Array(batch * length);
   }
 
   forward(x, n) {
-    const { channels, cells, kernels, places, begin, under, out } = this;
-    const weight = this.weight.values;
-    for (let at = 0; at < n * places * kernels; at++) out[at] = this.bias.values[at % kernels];
+    const { places, length, width, out } = this;
     for (let row = 0; row < n; row++) {
-      for (let cell = 0; cell < cells; cell++) {
-        const there = (row * cells + cell) * channels;
-        for (let channel = 0; channel < channels; channel++) {
-          const value = x[there + channel];
-          if (value === 0) continue;
-          for (let at = begin[cell]; at < begin[cell + 1]; at += 2) {
-            const to = row * places * kernels + under[at];
-            const from = under[at + 1] + channel * kernels;
-            for (let k = 0; k < kernels; k += 4) {
-              out[to + k] += value * weight[from + k];
-              out[to + k + 1] += value * weight[from + k + 1];
-              out[to + k + 2] += value * weight[from + k + 2];
-              out[to + k + 3] += value * weight[from + k + 3];
-            }
-          }
-        }
-      }
+      for (let k = 0; k < places.length; k++) out[row * width + k] = x[row * length + places[k]];
+      if (this.more) out[row * width + places.length] = this.extra[row];
     }
-    this.x = x;
     return out;
   }
 
-  /** The slopes of inputs of 0 stay 0: they come from a ReLU, or nothing is before them. */
   backward(slopes, n) {
-    const { channels, cells, kernels, places, begin, under, x } = this;
-    const [weight, gradient] = [this.weight.values, this.weight.gradient.fill(0)];
-    this.bias.gradient.fill(0);
-    for (let at = 0; at < n * places * kernels; at++)
-      this.bias.gradient[at % kernels] += slopes[at];
-    for (let row = 0; row < n; row++) {
-      for (let cell = 0; cell < cells; cell++) {
-        const there = (row * cells + cell) * channels;
-        for (let channel = 0; channel < channels; channel++) {
-          const value = x[there + channel];
-          this.slopes[there + channel] = 0;
-          if (value === 0) continue;
-          let slope = 0;
-          for (let at = begin[cell]; at < begin[cell + 1]; at += 2) {
-            const to = row * places * kernels + under[at];
-            const from = under[at + 1] + channel * kernels;
-            for (let k = 0; k < kernels; k += 4) {
-              const g0 = slopes[to + k];
-              const g1 = slopes[to + k + 1];
-              const g2 = slopes[to + k + 2];
-              const g3 = slopes[to + k + 3];
-              gradient[from + k] += value * g0;
-              gradient[from + k + 1] += value * g1;
-              gradient[from + k + 2] += value * g2;
-              gradient[from + k + 3] += value * g3;
-              slope +=
-                weight[from + k] * g0 +
-                weight[from + k + 1] * g1 +
-                weight[from + k + 2] * g2 +
-                weight[from + k + 3] * g3;
-            }
-          }
-          this.slopes[there + channel] = slope;
-        }
-      }
-    }
+    const { places, length, width } = this;
+    this.slopes.fill(0);
+    for (let row = 0; row < n; row++)
+      for (let k = 0; k < places.length; k++)
+        this.slopes[row * length + places[k]] += slopes[row * width + k];
     return this.slopes;
+  }
+}
+
+/** Kernels over each place of a map, no padding: for each place, what is under the kernel, fully connected. */
+class Convolution {
+  /** @param {(channel: number, cell: number) => number} at where the map has it */
+  constructor(name, channels, width, { kernels, kernel_size: side }, stride, batch, generator, at) {
+    this.width = Math.floor((width - side) / stride) + 1;
+    this.places = this.width ** 2;
+    const under = [];
+    for (let place = 0; place < this.places; place++) {
+      const corner =
+        Math.floor(place / this.width) * stride * width + (place % this.width) * stride;
+      for (let channel = 0; channel < channels; channel++)
+        for (let tap = 0; tap < side ** 2; tap++)
+          under.push(at(channel, corner + Math.floor(tap / side) * width + (tap % side)));
+    }
+    const [area, rows] = [side ** 2, batch * this.places];
+    this.gather = new Gather(under, channels * width ** 2, batch);
+    const fan = [channels * area, kernels * area];
+    const shape = [kernels, channels, side, side];
+    this.linear = new Linear(name, channels * area, kernels, rows, generator, fan, shape);
+    this.weights = this.linear.weights;
+  }
+
+  forward(x, n) {
+    return this.linear.forward(this.gather.forward(x, n), n * this.places);
+  }
+
+  backward(slopes, n) {
+    const before = this.linear.backward(slopes, n * this.places);
+    return before && this.gather.backward(before, n);
   }
 }
 
 class LayerNorm {
   constructor(name, units, batch) {
-    Object.assign(this, { units });
+    this.units = units;
     this.weight = new Weights(`${name}.weight`, [units], new Float32Array(units).fill(1));
     this.bias = new Weights(`${name}.bias`, [units], new Float32Array(units));
+    this.weights = [this.weight, this.bias];
     for (const buffer of ["out", "normal", "slopes"])
       this[buffer] = new Float32Array(batch * units);
     this.scale = new Float32Array(batch);
   }
 
-  get weights() {
-    return [this.weight, this.bias];
-  }
-
   forward(x, n) {
-    const { units, out, normal, scale } = this;
+    const { units, out, normal, scale, weight, bias } = this;
     for (let row = 0; row < n; row++) {
       const there = row * units;
       let [mean, variance] = [0, 0];
@@ -248,88 +204,48 @@ class LayerNorm {
       scale[row] = 1 / Math.sqrt(variance + 1e-5);
       for (let k = 0; k < units; k++) {
         normal[there + k] = (x[there + k] - mean) * scale[row];
-        out[there + k] = normal[there + k] * this.weight.values[k] + this.bias.values[k];
+        out[there + k] = normal[there + k] * weight.values[k] + bias.values[k];
       }
     }
     return out;
   }
 
   backward(slopes, n) {
-    const { units, normal, scale } = this;
-    const [weight, gradient] = [this.weight.values, this.weight.gradient.fill(0)];
-    const bias = this.bias.gradient.fill(0);
+    const { units, normal, scale, weight } = this;
+    const [gradient, bias] = [weight.gradient.fill(0), this.bias.gradient.fill(0)];
     for (let row = 0; row < n; row++) {
       const there = row * units;
       let [mean, along] = [0, 0];
-      for (let k = there; k < there + units; k++) {
-        bias[k - there] += slopes[k];
-        gradient[k - there] += slopes[k] * normal[k];
-        mean += (slopes[k] * weight[k - there]) / units;
-        along += (slopes[k] * weight[k - there] * normal[k]) / units;
+      for (let k = 0; k < units; k++) {
+        const [slope, own] = [slopes[there + k], normal[there + k]];
+        bias[k] += slope;
+        gradient[k] += slope * own;
+        mean += (slope * weight.values[k]) / units;
+        along += (slope * weight.values[k] * own) / units;
       }
-      for (let k = there; k < there + units; k++)
-        this.slopes[k] = scale[row] * (slopes[k] * weight[k - there] - mean - normal[k] * along);
+      for (let k = 0; k < units; k++) {
+        const slope = slopes[there + k] * weight.values[k];
+        this.slopes[there + k] = scale[row] * (slope - mean - normal[there + k] * along);
+      }
     }
     return this.slopes;
   }
 }
 
-/** In place. */
+/** Makes what is negative 0, in place. */
 class Relu {
   weights = [];
 
-  forward(x, n) {
-    const count = n * (x.length / this.batch);
-    for (let at = 0; at < count; at++) if (x[at] < 0) x[at] = 0;
+  forward(x) {
+    for (let at = 0; at < x.length; at++) if (x[at] < 0) x[at] = 0;
     this.x = x;
     return x;
   }
 
-  backward(slopes, n) {
-    const count = n * (slopes.length / this.batch);
-    for (let at = 0; at < count; at++) if (this.x[at] === 0) slopes[at] = 0;
+  backward(slopes) {
+    for (let at = 0; at < slopes.length; at++) if (this.x[at] === 0) slopes[at] = 0;
     return slopes;
   }
-
-  constructor(batch) {
-    this.batch = batch;
-  }
-}
-
-/** Puts the flying time behind the features. */
-class WithTime {
-  weights = [];
-
-  constructor(features, batch) {
-    Object.assign(this, { features, times: null });
-    this.out = new Float32Array(batch * (features + 1));
-    this.slopes = new Float32Array(batch * features);
-  }
-
-  forward(x, n) {
-    const { features, out } = this;
-    for (let row = 0; row < n; row++) {
-      for (let k = 0; k < features; k++) out[row * (features + 1) + k] = x[row * features + k];
-      out[row * (features + 1) + features] = this.times[row];
-    }
-    return out;
-  }
-
-  backward(slopes, n) {
-    const { features } = this;
-    for (let row = 0; row < n; row++)
-      for (let k = 0; k < features; k++)
-        this.slopes[row * features + k] = slopes[row * (features + 1) + k];
-    return this.slopes;
-  }
-}
-
-/** The side of the map with the cells that are added to the south and east, so that no row or column is left out. */
-export function frameSide(width, side, strides) {
-  let window = 1; // cells on a side that one place after the last convolution sees
-  for (const stride of strides.toReversed()) window = (window - 1) * stride + side;
-  const step = strides.reduce((product, stride) => product * stride, 1);
-  return window + Math.max(Math.ceil((width - window) / step), 0) * step;
 }
 
 /** Q-values of all actions; see network.py. */
@@ -341,39 +257,30 @@ export class QNetwork {
    * @param {number} batch the most rows at a time
    * @param {import("./world.js").Portable} generator of the first weights
    */
-  constructor(
-    { kernels, kernel_size, strides, hidden, layer_norm },
-    channels,
-    side,
-    batch,
-    generator,
-  ) {
+  constructor(recipe, channels, side, batch, generator) {
+    const { kernels, strides, hidden, layer_norm } = recipe;
     const layers = (this.layers = []);
-    let width = side;
+    let [width, before] = [side, channels];
     strides.forEach((stride, k) => {
-      const before = k ? kernels : channels;
-      layers.push(
-        new Convolution(
-          `convolutions.${2 * k}`,
-          before,
-          width,
-          kernels,
-          kernel_size,
-          stride,
-          batch,
-          generator,
-        ),
-      );
-      layers.push(new Relu(batch));
-      ({ width } = layers.at(-2));
+      const cells = width ** 2;
+      const at = (channel, cell) => (k ? cell * kernels + channel : channel * cells + cell);
+      const name = `convolutions.${2 * k}`;
+      const layer = new Convolution(name, before, width, recipe, stride, batch, generator, at);
+      layers.push(layer, new Relu());
+      [width, before] = [layer.width, kernels];
     });
-    this.flat = [kernels, width ** 2];
-    layers.push((this.time = new WithTime(kernels * width ** 2, batch)));
-    let [inputs, number] = [kernels * width ** 2 + 1, 0];
+    layers[0].linear.first = true;
+    const places = width ** 2; // a kernel's places follow one another, then comes the flying time
+    const turned = Array.from(
+      { length: kernels * places },
+      (_, k) => (k % places) * kernels + Math.floor(k / places),
+    );
+    layers.push((this.flat = new Gather(turned, turned.length, batch, 1)));
+    let [inputs, number] = [turned.length + 1, 0];
     for (const units of hidden) {
       layers.push(new Linear(`head.${number++}`, inputs, units, batch, generator));
       if (layer_norm) layers.push(new LayerNorm(`head.${number++}`, units, batch));
-      layers.push(new Relu(batch));
+      layers.push(new Relu());
       [inputs, number] = [units, number + 1];
     }
     layers.push(new Linear(`head.${number}`, inputs, ACTIONS.length, batch, generator));
@@ -381,9 +288,12 @@ export class QNetwork {
     this.steps = 0; // of Adam
   }
 
-  /** @returns {Float32Array} (n, 6), the same array each time */
+  /**
+   * @param {Float32Array} maps (n, channels, side, side)  @param {Float32Array} times (n,)
+   * @returns {Float32Array} (n, 6), the same array each time
+   */
   forward(maps, times, n) {
-    this.time.times = times;
+    this.flat.extra = times;
     return this.layers.reduce((x, layer) => layer.forward(x, n), maps);
   }
 
@@ -417,49 +327,12 @@ export class QNetwork {
     });
   }
 
-  /** All weights in the order of PyTorch's. @returns {Object<string, {shape: number[], values: Float32Array}>} */
+  /** By name, as in a checkpoint. @returns {Object<string, {shape: number[], values: Float32Array}>} */
   get tensors() {
-    return this.asTensors("values");
-  }
-
-  /** @param {string} part of the weights: `values`, or their `gradient` */
-  asTensors(part) {
-    const sorted = ({ name, shape, [part]: own }) => {
-      const values = Float32Array.from(this.order(name, shape), (place) => own[place]);
-      return [name, { shape, values }];
-    };
-    return Object.fromEntries(this.weights.map(sorted));
+    return Object.fromEntries(this.weights.map(({ name, ...tensor }) => [name, tensor]));
   }
 
   set tensors(tensors) {
-    for (const { name, shape, values } of this.weights)
-      this.order(name, shape).forEach((own, place) => (values[own] = tensors[name].values[place]));
-  }
-
-  /** For each place of a tensor in PyTorch's order, that in ours: there, all of a channel stand beside each other. */
-  order(name, shape) {
-    const [kernels, channels, side] = shape;
-    const [features, places] = this.flat;
-    const turned = (place, inner) => (place % inner) * features + Math.floor(place / inner);
-    const all = [...Array(shape.reduce((count, length) => count * length, 1)).keys()];
-    if (shape.length === 4) {
-      const area = side ** 2;
-      return all.map((at) => {
-        const [kernel, channel, tap] = [
-          Math.floor(at / (channels * area)),
-          Math.floor(at / area) % channels,
-          at % area,
-        ];
-        return (tap * channels + channel) * kernels + kernel;
-      });
-    }
-    if (name !== "head.0.weight") return all;
-    const inputs = features * places + 1;
-    return all.map(
-      (at) =>
-        at -
-        (at % inputs) +
-        (at % inputs === inputs - 1 ? inputs - 1 : turned(at % inputs, places)),
-    );
+    for (const { name, values } of this.weights) values.set(tensors[name].values);
   }
 }

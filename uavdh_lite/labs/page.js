@@ -1,19 +1,20 @@
-// Where the code begins: on the page it draws the stage; in a worker, where it begins once more, it
-// computes what the stage shows.
+// Where the code begins: on the page it draws the stage; in a worker, where it begins once more, it does
+// what the first thing that it is told says.
 
+import { Run } from "./run.js";
 import { Session } from "./session.js";
 import { draw } from "./stage.js";
+
+const WORK = { session: Session, run: Run };
 
 if (typeof document === "undefined") serve();
 else show();
 
-/** Answers the page. The first thing that it tells is what the page holds. */
 function serve() {
-  let session = null;
+  let work = null;
   onmessage = ({ data: told }) => {
-    if (session) return session.hear(told);
-    session = new Session(told, (answer) => postMessage(answer));
-    session.render();
+    if (work) return work.hear(told);
+    work = new WORK[told.work](told, (answer) => postMessage(answer));
   };
 }
 
@@ -21,18 +22,24 @@ function show() {
   const pieces = document.querySelectorAll('script[type="application/json"]');
   const data = JSON.parse(Array.from(pieces, (piece) => piece.textContent).join(""));
   const code = encodeURIComponent(document.getElementById("code").textContent);
-  const model = { own: location.protocol !== "about:" }; // in a notebook, the page has no address of its own
-  const worker = new Worker(`data:text/javascript;charset=utf-8,${code}`);
-  worker.onmessage = ({ data: answer }) => model.hear(answer);
-  worker.onerror = (event) => {
-    // Where a page may begin no worker, its session computes here
-    event.preventDefault();
-    worker.terminate();
-    const session = new Session(data, (answer) => model.hear(answer));
-    model.send = (told) => session.hear(told);
-    session.render();
-  };
-  model.send = (told) => worker.postMessage(told);
+
+  /** Begins a worker; `hear` takes what it answers. Where a page may begin none, its work is done here. */
+  function begin(work, first, hear) {
+    const worker = new Worker(`data:text/javascript;charset=utf-8,${code}`);
+    let send = (told) => worker.postMessage(told);
+    worker.onmessage = ({ data: answer }) => hear(answer);
+    worker.onerror = (event) => {
+      event.preventDefault();
+      worker.terminate();
+      const here = new WORK[work](first, hear);
+      send = (told) => setTimeout(() => here.hear(told));
+    };
+    send({ ...first, work });
+    return { send: (told) => send(told), end: () => worker.terminate() };
+  }
+
+  const model = { begin, recipe: data.recipe, trained: data.trained };
+  model.own = location.protocol !== "about:"; // in a notebook, the page has no address of its own
   draw(document.getElementById("stage"), model);
-  model.send(data);
+  model.send = begin("session", data, (answer) => model.hear(answer)).send;
 }

@@ -19,6 +19,7 @@ from uavdh_lite.checkpoint import load, load_agent, save_agent
 from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.missions import Mission, as_json
 from uavdh_lite.plotting import DEVICE_COLOURS
+from uavdh_lite.recipe import find_recipe
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.storage import data_folder, write_atomically
 
@@ -29,6 +30,7 @@ AGENTS = {  # the agents that the page has, with their names for people
     "open_field": "imitation agent",
     "any_city": "any-city agent",
 }
+TRAINED = data_folder() / "labs" / "village.safetensors"  # by the recipe of Train
 PIECE = 65_536  # characters of a script: WebKit takes seconds for one that holds all
 LARGEST = 16  # cells on a side of the cities that the page has
 PACKAGE = Path(__file__).parents[1]
@@ -57,7 +59,6 @@ def page(
     tool: str | None = None,
     mission: Mission | None = None,
     agents: Mapping[str, Agent | str | Path] | None = None,
-    races: bool = True,
 ) -> str:
     """The page, as HTML.
 
@@ -65,13 +66,12 @@ def page(
         tool: the tool to have alone; None: all.
         mission: what it begins with; None: the story.
         agents: by the names that the page gives them, agents or their files; None: `AGENTS`.
-        races: whether it has the recorded trainings, a quarter of its size.
 
     Raises `CheckpointError` for a file that holds no agent.
     """
-    names = ("player.css", "labs/stage.css")
+    names = ("player.css", "labs/stage.css", "labs/train.css")
     style = "\n".join((PACKAGE / name).read_text(encoding="utf-8") for name in names)
-    about = {**data(agents, races), "tool": tool, "mission": mission and as_json(mission)}
+    about = {**data(agents), "tool": tool, "mission": mission and as_json(mission)}
     told = json.dumps(about, separators=(",", ":")).replace("<", "\\u003c")
     pieces = (told[begin : begin + PIECE] for begin in range(0, len(told), PIECE))
     held = "\n".join(f'<script type="application/json">{piece}</script>' for piece in pieces)
@@ -83,8 +83,8 @@ def write_page(path: str | Path) -> None:
     write_atomically(path, lambda temporary: temporary.write_text(page(), encoding="utf-8"))
 
 
-def data(agents: Mapping[str, Agent | str | Path] | None, races: bool) -> dict[str, Any]:
-    """What the page knows: cities with their scenarios, agents, colours, recorded trainings."""
+def data(agents: Mapping[str, Agent | str | Path] | None) -> dict[str, Any]:
+    """What the page knows: cities with their scenarios, agents, colours, the recipe of Train."""
     shipped = (city for name in shipped_cities() if (city := load_city(name)).size <= LARGEST)
     cities = [_city(city, find_scenario(city.name)) for city in shipped]
     shelf = []
@@ -104,19 +104,9 @@ def data(agents: Mapping[str, Agent | str | Path] | None, races: bool) -> dict[s
         "cities": cities,
         "agents": shelf,
         "colours": DEVICE_COLOURS,
-        "races": recorded_races() if races else None,
+        "recipe": find_recipe("small").as_json(),
+        "trained": base64.b64encode(packed(load_agent(TRAINED))).decode(),
     }
-
-
-def recorded_races() -> dict[str, Any]:
-    """The trainings that `benchmarks/races.py` recorded, with the agents of their points."""
-    folder = data_folder() / "races"
-    about = json.loads((folder / "races.json").read_text(encoding="utf-8"))
-    for setting in about["settings"]:
-        for point in setting["points"]:
-            content = (folder / point.pop("agent")).read_bytes()
-            point["base64"] = base64.b64encode(content).decode()
-    return about
 
 
 def _city(city: City, scenario: Scenario) -> dict[str, Any]:

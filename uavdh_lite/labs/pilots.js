@@ -80,7 +80,7 @@ export class Greedy {
 }
 
 /** What a network sees: maps of W×W cells, centred or in place, and what is told. */
-class Observation {
+export class Observation {
   /**
    * @param {import("./world.js").Environment} environment
    * @param {object} recipe of the agent's file
@@ -89,6 +89,7 @@ class Observation {
   constructor(environment, recipe, size) {
     Object.assign(this, { environment, recipe, size, width: 2 * size - 1 });
     this.centred = recipe.observation === "centred";
+    this.views = new Map(); // the city's own layers, by the corner of the window
     this.channels = 5 + Number(!this.centred) + (recipe.told ? 3 : 0);
     const farthest = 2 * size;
     this.nearness = (moves) => 1 - (moves < 0 ? farthest : Math.min(moves, farthest)) / farthest;
@@ -100,24 +101,25 @@ class Observation {
     const { environment, recipe, size, width } = this;
     const { city } = environment;
     const area = width ** 2;
-    const maps = new Float32Array(this.channels * area);
-    maps.fill(1, area, 2 * area); // no-fly cells around the city
     // The window has the UAV in its middle, or the city, half a cell to the north-west if need be
     const margin = size - 1 - Math.floor((width - city.size) / 2);
     const corner = this.centred ? city.position(state.uavCell) : [margin, margin];
     const [down, right] = corner.map((axis) => size - 1 - axis);
-    const place = (cell) => {
-      const [row, col] = city.position(cell);
-      return (row + down) * width + col + right;
-    };
-    const told = recipe.told ? this.told(state) : [];
+    const { size: side } = city;
+    const place = (cell) => (Math.floor(cell / side) + down) * width + (cell % side) + right;
     const layers = [city.landing, city.noFly, city.buildings];
+    const maps = kept(this.views, down * width + right, () => {
+      const view = new Float32Array(this.channels * area);
+      view.fill(1, area, 2 * area); // no-fly cells around the city
+      for (let cell = 0; cell < environment.cells; cell++)
+        layers.forEach((layer, channel) => (view[channel * area + place(cell)] = layer[cell]));
+      return view;
+    }).slice();
+    const told = recipe.told ? this.told(state) : [];
     const first = this.channels - told.length;
-    for (let cell = 0; cell < environment.cells; cell++) {
-      const there = place(cell);
-      layers.forEach((layer, channel) => (maps[channel * area + there] = layer[cell]));
-      told.forEach((layer, k) => (maps[(first + k) * area + there] = layer[cell]));
-    }
+    told.forEach((layer, k) =>
+      layer.forEach((value, cell) => (maps[(first + k) * area + place(cell)] = value)),
+    );
     state.deviceCells.forEach((cell, device) => {
       const left = state.dataLeft[device];
       maps[3 * area + place(cell)] += left / recipe.data_scale;
@@ -190,7 +192,7 @@ class QNetwork {
 }
 
 /** Cells as outside the city, to the south and east, so that no layer leaves any out; network.py. */
-function wholeFrame(map, width, { kernel_size, strides }, pooling) {
+export function wholeFrame(map, width, { kernel_size, strides }, pooling) {
   const window = strides.reduceRight((cells, stride) => (cells - 1) * stride + kernel_size, 1);
   const step = strides.reduce((product, stride) => product * stride, 1);
   const further = Math.ceil((Math.ceil(width / pooling) - window) / step);
@@ -349,11 +351,13 @@ class Flier {
   }
 }
 
-/** The largest Q-value if the UAV were over each cell, NaN where it may not fly; (n,). */
+/** For each cell over which the UAV may fly, the best action there and its Q-value, else null. */
 export function valueMap(flier, state) {
-  return Float64Array.from(flier.environment.city.noFly, (closed, uavCell) =>
-    closed ? NaN : Math.max(...flier.qValues({ ...state, uavCell })),
+  const all = Array.from(flier.environment.city.noFly, (closed, uavCell) =>
+    closed ? null : flier.qValues({ ...state, uavCell }),
   );
+  const values = all.map((each) => each && Math.max(...each));
+  return { values, best: all.map((each, cell) => each && ACTIONS[each.indexOf(values[cell])]) };
 }
 
 /** An agent from a checkpoint, the bytes of a safetensors file; `InputError` if it is none. */

@@ -5,7 +5,6 @@ import { hiddenRows, ledger } from "./channel.js";
 import { cause, headline, isDuel, lead, parting } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, digestOf, readAgent, valueMap } from "./pilots.js";
-import { kinkOf, pointFact, raceFacts, sentence } from "./race.js";
 import {
   CHANGES,
   TOOLS,
@@ -14,17 +13,17 @@ import {
   newStage,
   overCity,
   pictureOf,
-  pointOf,
   randomMission,
   readFile,
   requireStand,
+  scenarioOf,
   stageAsJson,
   textOfLink,
   withMission,
 } from "./state.js";
 import { cameOf, changed, worths } from "./think.js";
 import { City, InputError, require, studentInterval } from "./world.js";
-import { LONGEST, NAME, RUNS, grouped, listed, upper } from "./words.js";
+import { LONGEST, NAME, listed, upper } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const KEPT = 100; // changes and moves that can be undone
@@ -33,15 +32,15 @@ const MISSIONS = 100;
 const TRIES = 200; // missions that are looked at for a duel
 const FIRST = 1_000_000; // the number from which on missions are drawn for means: "New" does not come so far
 const STORY = 358; // the mission that the page begins with, chosen because it shows a difference
-const RACED = 13; // the mission of Watch, chosen because there each agent brings about what it brings on average
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
 const BESIDE = ["show", "values", "shadow", "look", "hold", "see", "why", "whatIf"]; // no action of the reader, in any tool
 const GO_ON = [...BESIDE, "tool", "save"]; // what does not end what takes long
 const INSTEAD = ["cancel", "many", "duel"]; // what ends it on purpose
-const ELSEWHERE = ["new", "city", "duel", "race", "open"]; // what shows quite another mission
+const ELSEWHERE = ["new", "city", "duel", "open"]; // what shows quite another mission
 const UNCHANGED = { away: [], moved: {}, time: 0 }; // what if nothing were different
 const LETTERS = 60; // of a word that was found in a file
+const LEARNERS = ["your agent", "your second agent"]; // by their runs in Train
 const STOPPED = new InputError("stopped");
 
 /** Why something was not done, for people; nothing if they ended it themselves. */
@@ -70,8 +69,8 @@ function shelved({ title, given = false, size, scores, base64, read }, of) {
 
 export class Session {
   /**
-   * @param {object} data what the page holds: `cities` with rows and scenario, `agents` with title and base64, `colours` of devices,
-   *   recorded `races`; where it begins elsewhere than with the story, a `mission` or a `tool` alone
+   * @param {object} data what the page holds: `cities` with rows and scenario, `agents` with title and base64, `colours` of devices;
+   *   where it begins elsewhere than with the story, a `mission` or a `tool` alone
    * @param {(told: object) => void} post takes what the page is told
    */
   constructor(data, post) {
@@ -87,20 +86,18 @@ export class Session {
       const rows = Array.from({ length: size }, (_, r) => (r < 2 ? "LL" : "").padEnd(size, "."));
       cities[`empty ${size} × ${size}`] = City.fromText(`empty ${size} × ${size}`, rows.join("\n"));
     }
-    const races = data.races?.settings ?? [];
-    const tools = TOOLS.filter((tool) => tool !== "watch" || races.length);
-    const village = cities[data.races?.city];
-    this.shelf = { cities, scenarios, known: this.known, races, tools, village };
+    this.tools = data.tool ? [data.tool] : TOOLS;
+    this.shelf = { cities, scenarios, known: this.known, tools: TOOLS };
     this.agents = {};
     for (const each of data.agents) {
       this.agents[each.name] = shelved(each, cities[each.city] ?? null);
     }
-    this.tools = data.tool ? [data.tool] : tools;
     const first = data.mission
       ? readFile(JSON.stringify(data.mission), this.shelf)
       : newStage(randomMission(Object.values(cities)[0], STORY, this.shelf), this.shelf);
     this.history = [data.tool ? CHANGES.tool(first, { tool: data.tool }) : first];
     this.hangar = new Hangar(this.stage.mission, this.agents);
+    this.render();
   }
 
   /** The names of who can fly over a city: the agents made for it first, unless the reader gave one. */
@@ -137,7 +134,7 @@ export class Session {
   /** A stage of the history, looked at as one looks now. */
   again(stage) {
     const { tool, looks } = this.stage;
-    return { ...stage, tool, looks, point: null };
+    return { ...stage, tool, looks };
   }
 
   /** Does what the page tells, or says why it was not done. */
@@ -177,7 +174,7 @@ export class Session {
       film,
       version: this.version,
       panel: { ...panel, ...extra },
-      warnings: stage.tool === "watch" ? [] : warnings(hangar.environment, stage.mission), // it is about the village
+      warnings: warnings(hangar.environment, stage.mission),
       refused: refused && `Not ${kind === "move" ? "moved" : "done"}: ${refused}.`,
       note: this.notes.splice(0).join(" "),
       number,
@@ -226,8 +223,15 @@ export class Session {
 
   /** The agent that thinks: the first that flies, or one that knows the city, or null. */
   get thinker() {
-    const { policies, mission } = this.stage;
+    const { policies, mission, tool } = this.stage;
+    if (tool === "train") return this.learner;
     return [...policies, ...this.known(mission.city)].find((name) => this.agents[name]) ?? null;
+  }
+
+  /** The agent that learns, as it is now, if it learned in this city. */
+  get learner() {
+    const agent = this.agents[this.learns];
+    return agent?.knows(this.stage.mission.city) ? this.learns : null;
   }
 
   /** What is tried in Think. */
@@ -237,17 +241,13 @@ export class Session {
 
   /** The flights that are drawn, with their titles; the ghost is the second one. */
   flights() {
-    const { stage, hangar, shelf } = this;
-    const { tool, policies, flown, looks, point } = stage;
-    if (tool === "watch" && point) {
-      const { steps, base64 } = pointOf(looks, point, shelf);
-      this.agents[base64] ??= shelved({ base64 }, null); // without a size, it knows no city
-      return [[`${RUNS[point[0]]}'s agent after ${grouped(steps)} steps`, hangar.flight(base64)]];
-    }
+    const { stage, hangar } = this;
+    const { tool, policies, flown } = stage;
     const names = {
       fly: [YOU, this.ghost],
       compare: policies,
       think: [this.thinker ?? policies[0]],
+      train: [this.learner ?? policies[0]],
     }[tool] ?? [policies[0]];
     return names.map((name) => [whoIs(name, this.agents).title, hangar.flight(name, flown)]);
   }
@@ -297,29 +297,12 @@ export class Session {
       const { mission, device } = this.stage;
       return { device, ...ledger(this.hangar.environment, mission.devices[device]) };
     },
-    watch() {
-      const { looks, point, mission } = this.stage;
-      const { races, village } = this.shelf;
-      const { episodes } = this.data.races;
-      const before = this.history[this.next(-1)]?.mission.city ?? village;
-      const runs = looks.runs.map((k) => races[k]);
-      const bare = ({ points, ...run }) => ({
-        ...run,
-        kink: kinkOf({ points }),
-        points: points.map(({ base64, ...each }) => each),
-      });
+    train([flight]) {
+      const { city } = this.stage.mission;
       return {
-        settings: races.map(({ title, text }) => [title, text]),
-        mean: point && sentence(pointFact(pointOf(looks, point, this.shelf), episodes)),
-        left: point && !village.sameAs(before),
-        village: village.name,
-        elsewhere: !village.sameAs(mission.city),
-        runs: runs.map(bare),
-        says: raceFacts(runs, episodes, looks.metric).map((fact) => ({
-          text: sentence(fact),
-          run: fact.run,
-          at: fact.at ?? [],
-        })),
+        city: { name: city.name, rows: city.rows },
+        scenario: scenarioOf(city, this.shelf),
+        values: this.learner && flight.values.map(finite),
       };
     },
   };
@@ -514,8 +497,10 @@ export class Session {
       if (!thinker) return;
       const { states, action } = hangar.flight(thinker);
       const at = Math.min(step, action.length - 1);
-      const map = valueMap(hangar.pilot(thinker), states[at]);
-      this.extra = { ...this.extra, map: { step: at, values: finite(map) } };
+      this.extra = {
+        ...this.extra,
+        map: { step: at, ...valueMap(hangar.pilot(thinker), states[at]) },
+      };
     },
     /** What each device is worth at a step, and what its absence changes. */
     why({ step }) {
@@ -545,17 +530,19 @@ export class Session {
       const none = clear || (!next.away.length && !Object.keys(next.moved).length && !next.time);
       this.extra = { ...this.extra, whatIf: none ? UNCHANGED : next };
     },
+    /** Takes the agent of a run in Train as it is now, in place of the one before. */
+    learned({ which, agent, step }) {
+      const read = readAgent(agent);
+      this.learns = LEARNERS[which];
+      const told = { title: this.learns, given: true, size: read.size, read };
+      this.agents[this.learns] = shelved(told, read.city);
+      this.hangar.forget(this.learns);
+      this.extra = {};
+      if (this.learner && this.stage.tool === "train") this.does.values.call(this, { step });
+    },
     shadow({ cell }) {
       const rows = hiddenRows(this.hangar.environment, cell);
       this.extra = { ...this.extra, shadow: { cell, rows } };
-    },
-    /** Chooses the point of a race whose agent flies, over the city in which it learned. */
-    race({ point }) {
-      const { stage, shelf } = this;
-      const there = shelf.village.sameAs(stage.mission.city)
-        ? stage
-        : withMission(stage, randomMission(shelf.village, RACED, shelf), shelf);
-      this.take({ ...there, point }, "race");
     },
     paint(told) {
       const places = ({ mission }) => [...mission.devices, mission.start];

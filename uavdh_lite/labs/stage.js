@@ -159,6 +159,11 @@ export function draw(el, model) {
     get tells() {
       return opening !== null;
     },
+    model,
+    get clock() {
+      return clock.now;
+    },
+    file: (told) => answers.file(told),
     tellStory() {
       const bytes = new TextEncoder().encode(JSON.stringify(opening));
       stage.ask({ kind: "open", file: { name: "", bytes }, story: true });
@@ -249,7 +254,9 @@ export function draw(el, model) {
       .map((text) => `<p class="warning">${escaped(text)}</p>`)
       .join("");
     if (drawnTool !== state.tool) find("#panel").scrollTop = 0;
-    const signs = `<details class="signs"><summary>Signs</summary>${legend(film)}</details>`;
+    const signs = tool.bare
+      ? ""
+      : `<details class="signs"><summary>Signs</summary>${legend(film)}</details>`;
     stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${signs}`);
     el.querySelectorAll(".map svg").forEach((map, k) => {
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
@@ -264,10 +271,11 @@ export function draw(el, model) {
     paintDrawer();
     const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
     const flown = film.flights[0].path.length - 1;
+    const rests = tool.begins ? 0 : lastStep(film);
     const last = fly && !scene.panel.you.ended ? flown : lastStep(film); // the ghost flies on to its end
     if (changed) {
       const flies = fly && done === "fly" && flown > clock.now.last;
-      clock.load(last, flies ? flown - 1 : fly || state.step < 0 ? last : state.step, flies);
+      clock.load(last, flies ? flown - 1 : fly ? last : state.step < 0 ? rests : state.step, flies);
     } else clock.show(clock.now.time, clock.now.playing);
     [version, drawnTool] = [scene.version, state.tool];
     if (stage.hovered && !film.city[stage.hovered[0]]?.[stage.hovered[1]]) stage.hovered = null;
@@ -417,7 +425,7 @@ export function draw(el, model) {
       if (!waiting.length) askNext(); // it is computed while this is drawn
       paint(answered);
       if (answered === "open" && answer.story) tell(0);
-      else if (answered === "race" || answer.story) clock.show(0, true);
+      else if (answer.story) clock.show(0, true);
       if (waiting.length) return;
       find(".main").ariaBusy = false;
       settle();

@@ -19,7 +19,7 @@ const [FORMAT, VERSION] = ["uavdh_lite stage", 1];
 const PAINTS =
   "Black or white is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
 const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
-export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
+export const TOOLS = ["fly", "compare", "think", "channel", "paint", "train"];
 export const LETTERS = "neswhl"; // of the actions, in their order
 export const YOU = "you";
 export const LAYERS = [
@@ -31,24 +31,13 @@ export const LAYERS = [
   "data collected",
   "value",
 ];
-export const METRICS = ["collected_and_landed", "landed"]; // of the curves in Watch
 
-/** Ways to look, and what each may be: `fits(value, shelf)`. */
+/** Ways to look, and what each may be. */
 export const LOOKS = {
   layer: (value) => LAYERS.includes(value),
   centred: (value) => typeof value === "boolean",
-  metric: (value) => METRICS.includes(value),
-  runs: (value, { races }) =>
-    Array.isArray(value) &&
-    value.length >= Math.min(races.length, 1) &&
-    value.every((k, at) => Number.isInteger(k) && races[k] && at < 2 && value.indexOf(k) === at), // none races itself
 };
-const usualLooks = ({ races }) => ({
-  layer: "none",
-  centred: false,
-  metric: METRICS[0],
-  runs: races.slice(0, 2).map((_, k) => k),
-});
+const USUAL_LOOKS = { layer: "none", centred: false };
 
 /**
  * @typedef {object} Stage
@@ -60,14 +49,11 @@ const usualLooks = ({ races }) => ({
  * @property {number} device the device whose radio link is shown
  * @property {[number, number] | null} held the cell to which it is shown, whatever the pointer does
  * @property {object} looks one value for each of `LOOKS`
- * @property {[number, number] | null} point of the race whose agent flies: which of the runs, and which of its points
  *
  * @typedef {object} Shelf what there is to choose from
  * @property {Object<string, import("./world.js").City>} cities by name
  * @property {Object<string, object>} scenarios the ranges of the missions over them, by the city's name
  * @property {(city: object) => string[]} known the names of who can fly over a city, agents first
- * @property {object[]} races the recorded trainings, each with its points; none where Watch is not shown
- * @property {import("./world.js").City} [village] their city
  * @property {string[]} tools those that this page can show
  */
 
@@ -80,20 +66,13 @@ export const newStage = (mission, shelf) => ({
   step: -1,
   device: 0,
   held: null,
-  looks: usualLooks(shelf),
-  point: null,
+  looks: { ...USUAL_LOOKS },
 });
 
 export const isInside = (cell, size) =>
   Array.isArray(cell) &&
   cell.length === 2 &&
   cell.every((at) => Number.isInteger(at) && at >= 0 && at < size);
-
-/** The point of a race that is told, or nothing. */
-export const pointOf = ({ runs }, point, { races }) =>
-  point?.length === 2 && point.every?.(Number.isInteger)
-    ? races[runs[point[0]]]?.points[point[1]]
-    : undefined;
 
 /** The agent and its rival: the agent of the recipe `lite`, a strengthened DDQN, where one was trained for the city. */
 function usualPolicies(city, { known }) {
@@ -117,11 +96,11 @@ export function withMission(stage, mission, shelf) {
   }
   const device = Math.min(stage.device, mission.devices.length - 1);
   const held = mission.city.size === stage.mission.city.size ? stage.held : null;
-  return { ...stage, mission, policies, flown: "", step: -1, device, held, point: null };
+  return { ...stage, mission, policies, flown: "", step: -1, device, held };
 }
 
 /** What missions over a city are drawn from; over a painted one, time to cross it twice. */
-function scenarioOf(city, { cities, scenarios }) {
+export function scenarioOf(city, { cities, scenarios }) {
   const known = Object.values(cities).find((each) => scenarios[each.name] && each.sameAs(city));
   if (known) return scenarios[known.name];
   const most = Math.min(3, sum(city.openToDevices));
@@ -181,16 +160,7 @@ export function readFile(text, shelf, notes = []) {
   require(values?.format ===
     FORMAT, "this file holds neither a saved page nor a mission: open one that More → Save made");
   requireVersion(values);
-  const {
-    policies,
-    tool,
-    flown,
-    step,
-    device,
-    held = null,
-    looks: told = {},
-    point = null,
-  } = values;
+  const { policies, tool, flown, step, device, held = null, looks: told = {} } = values;
   const mission = missionOf(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
   const index = (value, name, least, most) =>
@@ -220,19 +190,12 @@ export function readFile(text, shelf, notes = []) {
     notes.push(`${listed(strangers.map((name) => `“${name}”`))} cannot fly here, so others do.`);
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
   require(Object(told) === told, "this file does not say how one looks at the map: save it again");
-  const looks = usualLooks(shelf);
-  const races = shelf.races.length > 0;
+  const looks = { ...USUAL_LOOKS };
   for (const [name, fits] of Object.entries(LOOKS)) {
-    if (name !== "runs" || races) looks[name] = told[name] ?? looks[name]; // older files have none
-    require(fits(looks[name], shelf), name === "runs"
-      ? "this file shows training runs that this page does not have"
-      : `this file chooses the ${name} ${JSON.stringify(looks[name])}, which this page does not have`);
+    looks[name] = told[name] ?? looks[name]; // older files have none
+    const says = `this file chooses the ${name} ${JSON.stringify(looks[name])}, which this page does not have`;
+    require(fits(looks[name]), says);
   }
-  const flies =
-    !races ||
-    point === null ||
-    (pointOf(looks, point, shelf) && mission.city.sameAs(shelf.village));
-  require(flies, `this file shows the point ${JSON.stringify(point)} of a training, of which no agent flies here`);
   return {
     mission,
     policies: there[0] === there[1] ? usual : there,
@@ -242,7 +205,6 @@ export function readFile(text, shelf, notes = []) {
     device,
     held,
     looks,
-    point: races ? point : null,
   };
 }
 
@@ -378,12 +340,8 @@ export const CHANGES = {
   show: (stage, { step }) => ({ ...stage, step }),
   look: (stage, { device }) => ({ ...stage, device }),
   hold: (stage, { cell }) => ({ ...stage, held: cell }),
-  /** Chooses a way to look; other runs have other points. */
-  see: (stage, { name, value }) => ({
-    ...stage,
-    looks: { ...stage.looks, [name]: value },
-    point: name === "runs" ? null : stage.point,
-  }),
+  /** Chooses a way to look. */
+  see: (stage, { name, value }) => ({ ...stage, looks: { ...stage.looks, [name]: value } }),
   /** Paints cells with one of the city's signs. */
   paint(stage, { cells, sign, name }, shelf) {
     const rows = stage.mission.city.rows.map((row) => [...row]);

@@ -175,7 +175,7 @@ const WAYS = [
   [0.72, 0.72],
 ]; // of the bars, in the order of the actions
 /** Bars around the UAV, the longer the better, from the worst allowed action to the best; `before` as thin lines. */
-function rose(values, before, labelled) {
+export function rose(values, before, labelled) {
   const known = [...values, ...(before ?? [])].filter((each) => each !== null);
   const [low, high] = [Math.min(...known), Math.max(...known)];
   const best = bestOf(values.map((each) => each ?? -Infinity));

@@ -6,7 +6,7 @@ import { COMPARE } from "./compare.js";
 import { FLY } from "./fly.js";
 import { PAINT } from "./paint.js";
 import { THINK } from "./think.js";
-import { WATCH } from "./watch.js";
+import { TRAIN } from "./train.js";
 
 export const TOOLS = {
   fly: FLY,
@@ -14,5 +14,5 @@ export const TOOLS = {
   think: THINK,
   channel: CHANNEL_TOOL,
   paint: PAINT,
-  watch: WATCH,
+  train: TRAIN,
 };

@@ -1,7 +1,8 @@
 // DDQN learns: what scenario, replay, ddqn and training do in Python, under their names, with dials
 // that act while it learns. tests/labs/test_training.py says what each dial does.
 
-import { frameSide, QNetwork } from "./network.js";
+import { QNetwork } from "./network.js";
+import { Observation, wholeFrame } from "./pilots.js";
 import { ACTIONS, City, Environment, Portable, REWARDS, Use, ended, reward, sum } from "./world.js";
 
 const MOST = 40_000; // transitions that are kept at most; the dial chooses how many of the newest are drawn
@@ -39,68 +40,6 @@ export function best(values, row) {
   for (let action = 1; action < ACTIONS.length; action++)
     if (values[begin + action] > values[begin + place]) place = action;
   return place;
-}
-
-/** What the network sees of states, without anything told; see observation.py. */
-class Observation {
-  constructor(environment, { observation, data_scale, time_scale, kernel_size, strides }) {
-    const { size, city } = environment;
-    Object.assign(this, { size, data_scale, time_scale, centred: observation === "centred" });
-    this.channels = this.centred ? 5 : 6;
-    this.side = frameSide(2 * size - 1, kernel_size, strides);
-    this.length = this.side ** 2 * this.channels;
-    // The city's own layers, around each cell; in place they are the same for all
-    this.views = Array.from(city.kinds, (_, cell) =>
-      this.centred || !cell ? this.view(city, cell) : null,
-    );
-  }
-
-  /** The row and the column of the map's first cell, in the city. */
-  corner(cell) {
-    const { size } = this;
-    const axis = Math.floor((2 * size - 1 - size) / 2);
-    return this.centred
-      ? [Math.floor(cell / size) - size + 1, (cell % size) - size + 1]
-      : [-axis, -axis];
-  }
-
-  view(city, cell) {
-    const { size, side, channels } = this;
-    const view = new Float32Array(this.length);
-    const [top, left] = this.corner(cell);
-    for (let place = 0; place < side ** 2; place++) {
-      const [row, col] = [top + Math.floor(place / side), left + (place % side)];
-      const inside = Math.min(row, col) >= 0 && Math.max(row, col) < size;
-      const there = row * size + col;
-      const layers = inside
-        ? [city.landing[there], city.noFly[there], city.buildings[there]]
-        : [0, 1, 0];
-      view.set(layers, place * channels);
-    }
-    return view;
-  }
-
-  /** Writes a state into the row of a batch. */
-  write(state, { maps, times }, row) {
-    const { size, side, channels, length, data_scale } = this;
-    const { uavCell, deviceCells, dataInitial, dataLeft } = state;
-    const begin = row * length;
-    maps.set(this.views[this.centred ? uavCell : 0], begin);
-    const [top, left] = this.corner(uavCell);
-    const place = (cell) =>
-      begin + ((Math.floor(cell / size) - top) * side + (cell % size) - left) * channels;
-    for (let device = 0; device < deviceCells.length; device++) {
-      const there = place(deviceCells[device]);
-      maps[there + 3] += dataLeft[device] / data_scale;
-      maps[there + 4] += (dataInitial[device] - dataLeft[device]) / data_scale;
-    }
-    if (!this.centred) maps[place(uavCell) + 5] = 1;
-    times[row] = state.timeLeft / this.time_scale;
-  }
-
-  batch(rows) {
-    return { maps: new Float32Array(rows * this.length), times: new Float32Array(rows) };
-  }
 }
 
 /** A ring of the last steps of all environments; see replay.py. The newest `capacity` transitions are drawn. */
@@ -182,31 +121,26 @@ export class Trainer {
    * @param {{city: {name: string, rows: string[]}, scenario: import("./world.js").Scenario, dials: Dials}} told
    */
   constructor({ city, scenario, dials }) {
-    this.environment = new Environment(City.fromText(city.name, city.rows.join("\n")));
-    Object.assign(this, {
-      scenario,
-      dials: { ...dials },
-      steps: 0,
-      updates: 0,
-      points: [],
-      losses: [],
-      turned: [],
-    });
     const { seed, batch_size, environments } = dials;
+    const environment = new Environment(City.fromText(city.name, city.rows.join("\n")));
+    Object.assign(this, { environment, scenario, dials: { ...dials } });
+    Object.assign(this, { steps: 0, updates: 0, points: [], losses: [], turned: [] });
     this.generator = new Portable(Use.TRAINING, seed);
-    this.observation = new Observation(this.environment, dials);
-    const { channels, side } = this.observation;
-    const rows = Math.max(batch_size, MISSIONS, environments);
-    const network = () =>
-      new QNetwork(dials, channels, side, rows, new Portable(Use.WEIGHTS, seed));
-    [this.online, this.target] = [network(), network()];
-    [this.before, this.after] = [this.observation.batch(rows), this.observation.batch(rows)];
-    this.slopes = new Float32Array(rows * ACTIONS.length);
     this.replay = new Replay(environments);
-    const { landing, openToDevices, kinds } = this.environment.city;
+    const { landing, openToDevices, kinds } = environment.city;
     const cellsOf = (mask) => [...kinds.keys()].filter((cell) => mask[cell]);
     [this.landing, this.open] = [cellsOf(landing), cellsOf(openToDevices)];
     this.states = Array.from({ length: environments }, () => this.start(this.generator));
+    this.observation = new Observation(environment, dials, environment.size);
+    const [map, side] = this.mapOf(this.states[0]);
+    const rows = Math.max(batch_size, MISSIONS, environments);
+    this.maps = new Float32Array(rows * map.length);
+    this.times = new Float32Array(rows);
+    this.slopes = new Float32Array(rows * ACTIONS.length);
+    const { channels } = this.observation;
+    const network = () =>
+      new QNetwork(dials, channels, side, rows, new Portable(Use.WEIGHTS, seed));
+    [this.online, this.target] = [network(), network()];
     const missions = new Portable(Use.VALIDATION, 0);
     this.missions = Array.from({ length: MISSIONS }, () => this.start(missions));
     this.measure();
@@ -222,6 +156,14 @@ export class Trainer {
     Object.assign(this.dials, dials);
     this.replay.reprice(this.crashReward - before); // crashes that it remembers cost what they cost now
     this.turned.push([this.steps, dials]);
+  }
+
+  /** Takes the weights of a network that has learned, and ends the run. */
+  take(tensors) {
+    this.online.tensors = tensors;
+    this.target.follow(this.online, 1);
+    this.steps = this.dials.steps;
+    this.measure();
   }
 
   get crashReward() {
@@ -290,10 +232,10 @@ export class Trainer {
 
   /** Actions of the softmax policy (eq. 10), random ones until the memory is prefilled. */
   act() {
-    const { dials, generator, states, temperature } = this;
+    const { dials, generator, states, temperature, online } = this;
     if (this.replay.count(dials) < this.prefill)
       return states.map(() => generator.integers(0, ACTIONS.length));
-    const values = this.valuesOf(this.online, states, this.before);
+    const [values] = this.valuesOf([online], states);
     return states.map((_, row) => {
       const [begin, likely] = [row * ACTIONS.length, best(values, row)];
       const weights = ACTIONS.map((_, action) =>
@@ -305,10 +247,19 @@ export class Trainer {
     });
   }
 
-  /** Q-values of states, (n, 6). */
-  valuesOf(network, states, batch) {
-    states.forEach((state, row) => this.observation.write(state, batch, row));
-    return network.forward(batch.maps, batch.times, states.length);
+  /** What the network sees of a state, and its side. */
+  mapOf(state) {
+    return wholeFrame(this.observation.map(state), this.observation.width, this.dials, 1);
+  }
+
+  /** Q-values of states by some networks, (n, 6) each. */
+  valuesOf(networks, states) {
+    states.forEach((state, row) => {
+      const [map] = this.mapOf(state);
+      this.maps.set(map, row * map.length);
+      this.times[row] = state.timeLeft / this.dials.time_scale;
+    });
+    return networks.map((network) => network.forward(this.maps, this.times, states.length));
   }
 
   /** One gradient step towards the targets (eq. 7 and 8), and one of the target network; see ddqn.py. */
@@ -317,10 +268,9 @@ export class Trainer {
   ) {
     const { dials, online, target, slopes } = this;
     const goals = this.targets(batch);
-    const values = this.valuesOf(
-      online,
+    const [values] = this.valuesOf(
+      [online],
       batch.map(({ state }) => state),
-      this.before,
     );
     slopes.fill(0);
     let loss = 0;
@@ -340,9 +290,11 @@ export class Trainer {
   /** y = r + γ · Q_target(s', a), where a is best by the online network, or, not doubled, by the target (eq. 8). */
   targets(batch) {
     const next = batch.map((each) => each.next);
-    const online = this.dials.double ? this.valuesOf(this.online, next, this.after) : null;
-    const values = this.valuesOf(this.target, next, this.after);
-    const choice = online ?? values;
+    const { dials, target, online } = this;
+    const [values, choice] = this.valuesOf(
+      dials.double ? [target, online] : [target, target],
+      next,
+    );
     return batch.map(({ reward, discount }, row) => {
       return reward + discount * values[row * ACTIONS.length + best(choice, row)];
     });
@@ -372,10 +324,9 @@ export class Trainer {
     const generator = new Portable(Use.FADING, 0);
     const flights = starts.map((state) => ({ state, return: 0 }));
     for (let left = flights; left.length; left = left.filter(({ state }) => !ended(state))) {
-      const values = this.valuesOf(
-        this.online,
+      const [values] = this.valuesOf(
+        [this.online],
         left.map(({ state }) => state),
-        this.before,
       );
       left.forEach((flight, row) => {
         const fading = this.environment.drawFading(flight.state, generator);

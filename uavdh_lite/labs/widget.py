@@ -13,7 +13,7 @@ from uavdh_lite.missions import Mission
 from uavdh_lite.policies import agents_for
 from uavdh_lite.scenario import find_scenario
 
-TOOLS = ("fly", "compare", "think", "channel", "paint", "watch")
+TOOLS = ("fly", "compare", "think", "channel", "paint", "train")
 LIGHT = ("manhattan_ddqn", "open_field_ddqn")  # agents that make a notebook hardly larger
 FRAME = """<iframe srcdoc="{page}" title="uavdh_lite labs" allow="fullscreen; clipboard-write"
   style="width: 100%; height: {height}px; border: 0"></iframe>"""
@@ -26,7 +26,7 @@ class Lab:
     needs no kernel once it is shown, and stays in the notebook when that is saved.
 
     Arguments:
-        tool: one of fly, compare, think, channel, paint and watch, to have it alone; None: all.
+        tool: one of fly, compare, think, channel, paint and train, to have it alone; None: all.
         city: the name of a shipped city of at most 16×16 cells.
         mission: what it begins with; None: a random one over the city.
         agent: an agent that flies, too, or its file. Without one, the page has the DDQN agent where
@@ -54,7 +54,7 @@ class Lab:
             mission = _mission(agent, city)
         agents: dict[str, Agent | str | Path] = {"yours": agent} if agent else {}
         agents |= {name: name for name in agents_for(Environment(mission.city)) if name in LIGHT}
-        self.page = page(tool, mission, agents, races=tool == "watch")
+        self.page = page(tool, mission, agents)
         self.height = height
 
     def _repr_html_(self) -> str:

@@ -1,0 +1,70 @@
+// A run in a worker of its own: it learns as long as nobody stops it, and tells what the page shows.
+
+import { checkpoint, snapshot } from "./checkpoint.js";
+import { bytesOf, readAgent } from "./pilots.js";
+import { Trainer } from "./training.js";
+
+const TURN = 40; // ms of learning after which it hears what was told meanwhile
+const SHOWN = 500; // ms between agents that it shows
+
+export class Run {
+  /**
+   * @param {object} told what `Trainer` needs
+   * @param {(answer: object) => void} post takes what the page is told
+   */
+  constructor(told, post) {
+    Object.assign(this, {
+      trainer: new Trainer(told),
+      post,
+      going: false,
+      sent: 0,
+      told: 0,
+      rate: 0,
+    });
+    this.tell();
+  }
+
+  /** Does what the page tells: `go`, `stop`, `step`, `turn`, `take` and `save`. */
+  hear({ kind, dials, base64 }) {
+    const { trainer } = this;
+    if (kind === "turn") trainer.turn(dials);
+    else if (kind === "take") trainer.take(readAgent(bytesOf(base64)).network.tensors);
+    else if (kind === "save") return this.save();
+    else if (kind === "step" && !trainer.finished) trainer.step();
+    const goes = this.going;
+    this.going = (kind === "go" || (goes && kind === "turn")) && !trainer.finished;
+    if (this.going && !goes) this.learn();
+    if (!this.going || kind === "turn") this.tell();
+  }
+
+  learn() {
+    if (!this.going) return;
+    const [begin, steps] = [performance.now(), this.trainer.steps];
+    while (!this.trainer.finished && performance.now() - begin < TURN) this.trainer.step();
+    this.going = !this.trainer.finished;
+    if (this.trainer.updates)
+      this.rate = (this.trainer.steps - steps) / (performance.now() - begin);
+    if (!this.going || performance.now() - this.told > SHOWN) this.tell();
+    setTimeout(() => this.learn());
+  }
+
+  /** How far it has come, the points of the curves since it told last, and the agent of now. */
+  tell() {
+    const { going, rate, trainer } = this;
+    const { steps, updates, points } = trainer;
+    this.post({
+      kind: "run",
+      going,
+      rate,
+      steps,
+      updates,
+      points: points.slice(this.sent),
+      agent: snapshot(trainer),
+    });
+    [this.sent, this.told] = [points.length, performance.now()];
+  }
+
+  async save() {
+    this.post({ kind: "file", bytes: await checkpoint(this.trainer) });
+  }
+}
