@@ -21,13 +21,10 @@ SWAPPED = {
 NAMES = {
     **{"min": ["max"], "max": ["min", "mean"], "any": ["all"], "all": ["any"], "sum": ["max"]},
     **{"argmax": ["argmin"], "amax": ["amin"], "mean": ["sum", "max"], "std": ["var"]},
-    **{"log2": ["log", "log10"], "sqrt": ["abs"], "abs": ["float"], "ceil": ["floor", "trunc"]},
-    **{"popleft": ["pop"], "append": ["appendleft"], "combinations": ["permutations"]},
-    **{"mul_": ["add_"], "add_": ["sub_"], "normal": ["uniform"], "where": ["minimum"]},
-    **{"no_fly": ["buildings"], "landing": ["no_fly"], "integers": ["permutation"]},
-    **{"online_next": ["target_next"], "target_next": ["online_next"]},
+    **{"log2": ["log", "log10"], "sqrt": ["abs"], "abs": ["float"], "normal": ["uniform"]},
+    **{"no_fly": ["buildings"], "landing": ["no_fly"], "where": ["minimum"]},
 }
-UNWRAPPED = {"abs", "sqrt", "int", "float", "ceil"}
+UNWRAPPED = {"abs", "sqrt", "int", "float"}
 
 
 @dataclass(frozen=True)

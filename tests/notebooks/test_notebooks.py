@@ -103,23 +103,14 @@ def test_tutorials_and_exercises_have_the_same_names():
     assert [script.name for script in execute.exercise_scripts()] == names
 
 
-def test_an_afternoon_holds_it(script, notebook):
+def test_an_afternoon_holds_it_and_the_minutes_that_are_stated_are_a_novice_s(script, notebook):
     count, minutes = reading(notebook)
-    if int(script.stem[:2]) in COURSE:
-        assert count <= 110 and minutes <= 50, (count, minutes)
-    else:
-        assert count <= 110 and 40 <= minutes <= 60, (count, minutes)
-    assert [
-        line for cell in code(notebook) for line in cell.source.splitlines() if line[100:]
-    ] == []
-
-
-def test_the_stated_minutes_are_those_of_a_novice(notebook):
-    _, minutes = reading(notebook)
-    assert 0.75 * minutes <= stated(notebook)[0] <= 1.25 * minutes, minutes
-
-
-def test_the_stated_minutes_of_exercises_are_those_of_their_headings(script, notebook):
+    assert count <= 110 and minutes <= (50 if int(script.stem[:2]) in COURSE else 60)
+    assert not [line for cell in code(notebook) for line in cell.source.splitlines() if line[100:]]
+    read, run = stated(notebook)
+    assert 0.75 * minutes <= read <= 1.25 * minutes, minutes
+    index = (execute.HERE.parent / "docs" / "tutorials" / "index.md").read_text()
+    assert re.search(rf"/{script.stem}\.ipynb\) \|.*\| {read} min \| {run} s \|", index)
     number = str(int(script.stem[:2]))
     own = [one.minutes for one in EXERCISES.values() if one.number.split(".")[0] == number]
     assert not own or f"; {sum(own)} minutes of exercises" in text(notebook)
@@ -169,20 +160,10 @@ def test_the_first_code_cell_finds_the_library_anywhere(script):
 def test_template(notebook):
     words = text(notebook)
     assert notebook.cells[0].source.startswith("# ")
-    for section in SECTIONS:
-        assert section in words, section
-    assert any("image/png" in o.get("data", {}) for cell in code(notebook) for o in cell.outputs)
-
-
-def test_the_list_of_tutorials_says_how_long_each_takes(script, notebook):
-    index = (execute.HERE.parent / "docs" / "tutorials" / "index.md").read_text()
-    read, run = stated(notebook)
-    assert re.search(rf"/{script.stem}\.ipynb\) \|.*\| {read} min \| {run} s \|", index)
-
-
-def test_no_prose_is_lost_in_a_code_cell(notebook):
-    """Without its `# %% [markdown]` line, a section becomes comments of the cell before it."""
+    assert all(section in words for section in SECTIONS)
+    # Without its `# %% [markdown]` line, a section becomes comments of the cell before it
     assert not [cell.source for cell in code(notebook) if re.search("^# ##", cell.source, re.M)]
+    assert any("image/png" in o.get("data", {}) for cell in code(notebook) for o in cell.outputs)
 
 
 def test_nothing_that_belongs_to_one_machine(script, notebook):
