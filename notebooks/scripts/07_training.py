@@ -139,8 +139,8 @@ draw(ax, trainer.validation_rows, "the village")
 # %% [markdown]
 # Most untrained agents (step 0) bring nothing home. This one waits near the start and then lands,
 # which in so small a village brings in nearly half the data. Therefore judge a curve, above all
-# that of **collected and landed**, not by where it starts but by how far it rises. To watch
-# networks learn in this village, open the lab *Watch* (`python -m uavdh_lite app`).
+# that of **collected and landed**, not by where it starts but by how far it rises. To see
+# a network learn here while you turn its dials, open the lab *Train* (`python -m uavdh_lite app`).
 
 # %%
 last = trainer.validation_rows[-1]

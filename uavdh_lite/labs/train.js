@@ -182,7 +182,10 @@ const acts = {
     [told, chosen] = [says, 1];
   },
   save: () => runs[chosen].worker.send({ kind: "save" }),
-  take: () => runs[chosen].worker.send({ kind: "take", base64: stage.model.trained }),
+  take() {
+    runs[chosen].points = []; // its own way there is not known
+    runs[chosen].worker.send({ kind: "take", base64: stage.model.trained });
+  },
 };
 
 /** Does something in a city that is small enough: the one that is shown, or the village. */

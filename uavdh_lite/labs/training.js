@@ -1,5 +1,5 @@
 // DDQN learns: what scenario, replay, ddqn and training do in Python, under their names, with dials
-// that act while it learns. tests/labs/test_training.py says what each dial does.
+// that act while it learns. tests/labs/test_learning.py says what each dial does.
 
 import { QNetwork } from "./network.js";
 import { Observation, wholeFrame } from "./pilots.js";
