@@ -51,8 +51,8 @@ def test_the_memory_holds_what_the_planner_does(run):
     assert len(values) > 10 and same.mean() > 0.9
 
 
-def test_before_it_has_learned_no_flight_begins_where_the_learner_has_flown(
-    corridor, corridor_scenario, recipe
+def test_flights_begin_where_the_learner_has_flown_after_it_has_learned_and_can_land(
+    corridor, corridor_scenario, recipe, monkeypatch
 ):
     recipe = replace(recipe, own_starts=1.0, exploring_starts=0.0)
     run = Reinforced(corridor_scenario, recipe, 0, corridor)
@@ -60,13 +60,7 @@ def test_before_it_has_learned_no_flight_begins_where_the_learner_has_flown(
     run.updates = 1
     assert not any(ordinary for ordinary, *_ in run._planned())
 
-
-def test_a_flight_that_cannot_land_any_more_is_not_copied(
-    corridor, corridor_scenario, recipe, monkeypatch
-):
-    run = Reinforced(corridor_scenario, replace(recipe, own_starts=1.0), 0, corridor)
-    run.updates = 1
-    late = {"uav_cell": 14, "time_left": 4}  # the street's east end, four moves from its west
+    late = {"uav_cell": 14}  # the street's east end, four moves from its west
     monkeypatch.setattr(
         run,
         "_own_states",
@@ -74,9 +68,8 @@ def test_a_flight_that_cannot_land_any_more_is_not_copied(
             start, **{k: np.full(len(start), v, np.int16) for k, v in late.items()}
         ),
     )
-    assert run._planned() == []
-    late["time_left"] = 5
-    assert len(run._planned()) == 32
+    for late["time_left"], copied in ((4, 0), (5, 32)):
+        assert len(run._planned()) == copied
 
 
 def test_starts_are_of_every_kind_and_plans_land(run, corridor_scenario):

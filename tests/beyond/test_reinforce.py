@@ -109,28 +109,19 @@ def test_the_update_makes_actions_likelier_by_their_gain(run, sign):
         assert (surprise_of(run, state, action) != before).any() == pushed
 
 
-def test_before_an_update_the_ratio_is_1(run, corridor_scenario):
-    start = corridor_scenario.sample(run.environment, 20, np.random.default_rng(0))
-    flights, _, surprise = run._drawn_flights(start)
-    flown = [~step.state.ended for step in flights.history]
-    pairs = list(zip(flights.history, flown, strict=True))
-    state = State.concatenate([step.state[rows] for step, rows in pairs])
-    action = np.concatenate([step.action[rows] for step, rows in pairs])
-    with torch.no_grad():
-        ratio = run._ratio(state, action, surprise)
-    assert len(ratio) > 100 and ratio.numpy() == pytest.approx(1, abs=1e-4)
-
-
-def test_flights_draw_actions_and_know_which_were_unsure(run, corridor_scenario):
+def test_flights_draw_actions_know_which_were_unsure_and_have_a_ratio_of_1(run, corridor_scenario):
     start = corridor_scenario.sample(run.environment, 50, np.random.default_rng(0))
     flights, unsure, surprise = run._drawn_flights(start)
-    states = [step.state[~step.state.ended] for step in flights.history]
-    assert len(unsure) == sum(map(len, states)) == flights.steps.sum()
-    shares = torch.cat([run.learner.q_values(state).softmax(1) for state in states])
+    flown = [(step, ~step.state.ended) for step in flights.history]
+    state = State.concatenate([step.state[rows] for step, rows in flown])
+    taken = np.concatenate([step.action[rows] for step, rows in flown])
+    assert len(unsure) == len(state) == flights.steps.sum()
+    shares = run.learner.q_values(state).softmax(1)
     assert (unsure == (shares.amax(1) < SURE).numpy()).all()
-    taken = np.concatenate([step.action[~step.state.ended] for step in flights.history])
     assert 0 < (taken != shares.argmax(1).numpy()).mean() < 0.9
     assert np.exp(-surprise) == pytest.approx(shares.numpy()[np.arange(len(taken)), taken])
+    with torch.no_grad():
+        assert run._ratio(state, taken, surprise).numpy() == pytest.approx(1, abs=1e-4)
 
 
 def test_reward_makes_a_poor_copy_better(trained, corridor_scenario):

@@ -94,16 +94,6 @@ def test_the_campus_is_as_drawn_and_each_feature_accounted_for():
     assert "  3  left out: no building\n" in found.table and "1  height: assumed" in found.table
 
 
-def test_a_centre_one_cell_to_the_north_east_moves_the_city_by_a_cell():
-    longitude, latitude = degrees(10, 10)
-    here, there = (
-        city_of_footprints(CAMPUS, Raster(centre)).city
-        for centre in (CENTRE, (latitude, longitude))
-    )
-    for layer in ("buildings", "no_fly"):
-        assert np.array_equal(getattr(here, layer)[:-1, 1:], getattr(there, layer)[1:, :-1])
-
-
 YES = {"building": "yes"}
 TALL, LOW, PARK = {**YES, "height": "12"}, {**YES, "building:levels": "2"}, {"leisure": "park"}
 
@@ -129,7 +119,8 @@ GEOMETRIES = [one["geometry"] for one in in_row({}, {})]
 SOLID = feature("MultiPolygon", [[[[*p, 17.0] for p in polygon(-20, 10, 10)]]], HOEHE=9.1, OID=1)
 CRS = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
 NAN = json.dumps(collection(in_row(*columns(TALL, LOW, PARK)))).replace("null", "NaN")
-MAKERS = {
+NAME = json.dumps(collection(in_row(TALL), name="é"), ensure_ascii=False)
+MAKERS = {  # the form in which each writes the same town; *: no tag says what is a building
     "Overpass Turbo": (in_row({"@id": "way/1", **TALL}, {"@id": "way/2", **LOW}, PARK), "Bb.."),
     "osmtogeojson": (in_row(osm(TALL, meta={}, relations=[]), osm(LOW), osm(PARK)), "Bb.."),
     "osm2geojson": ([{**one, "tags": TALL} for one in in_row({})], "B..."),
@@ -137,48 +128,32 @@ MAKERS = {
     "geopandas": (in_row(*columns(TALL, LOW, PARK)), "Bb.."),
     "pandas": (NAN, "Bb.."),
     "QGIS": (collection(in_row(*columns(TALL, LOW, PARK)), name="b", crs=CRS), "Bb.."),
-    "GDAL, hstore": (
-        in_row({**YES, "other_tags": HSTORE}, {"other_tags": '"leisure"=>"x"'}),
-        "B...",
-    ),
+    "GDAL, hstore": (in_row({**YES, "other_tags": HSTORE}, {"other_tags": ""}), "B..."),
     "GDAL, JSON": (in_row({"building": None}, {**YES, "other_tags": AS_JSON}), ".b.."),
     "GDAL, clean names": (in_row({"building_part": "yes", "building_levels": 2}, PARK), "b..."),
     "GeoJSONSeq": (lines(in_row(TALL, LOW, PARK)), "Bb.."),
     "RFC 8142": (lines(in_row(TALL, LOW, PARK), "\x1e"), "Bb.."),
     "Windows": (b"\xef\xbb\xbf" + lines(in_row(TALL, LOW), end="\r\n\r\n").encode(), "Bb.."),
     "UTF-16": (json.dumps(collection(in_row(TALL, LOW))).encode("utf-16"), "Bb.."),
-    "Microsoft": (lines(MICROSOFT), "Bb.."),
-    "Overture": (in_row({"num_floors": 5}, {"num_floors": 2}, {"is_underground": True}), "Bb.."),
-    "OSM Buildings": (in_row({"levels": 5}, {"height": 3.5, "minHeight": 0}), "Bb.."),
-    "a city's portal": ([SOLID], "B..."),
-    "PostGIS": ({"type": "GeometryCollection", "geometries": GEOMETRIES}, "BB.."),
-    "shapely": (shapely.to_geojson(shapely.from_geojson(json.dumps(GEOMETRIES[0]))), "B..."),
+    "Microsoft": (lines(MICROSOFT), "Bb..*"),
+    "Overture": (in_row({"num_floors": 5}, {"num_floors": 2}, {"is_underground": True}), "Bb..*"),
+    "OSM Buildings": (in_row({"levels": 5}, {"height": 3.5, "minHeight": 0}), "Bb..*"),
+    "a city's portal": ([SOLID], "B...*"),
+    "PostGIS": ({"type": "GeometryCollection", "geometries": GEOMETRIES}, "BB..*"),
+    "shapely": (shapely.to_geojson(shapely.from_geojson(json.dumps(GEOMETRIES[0]))), "B...*"),
     "geojson.io": (in_row(TALL)[0], "B..."),
     "an array": (json.dumps(in_row(TALL, LOW)), "Bb.."),
     "United States": (in_row({**YES, "height": "36'"}, {**YES, "height": "26 ft"}, PARK), "Bb.."),
-    "old encoding": (
-        json.dumps(collection(in_row({**TALL, "name": "Café"})), ensure_ascii=False).encode(
-            "latin-1"
-        ),
-        "B...",
-    ),
+    "old encoding": (NAME.encode("cp1252"), "B..."),
 }
 
 
 @pytest.mark.parametrize("maker", MAKERS)
 def test_what_others_write_is_read(made, maker):
     content, row = MAKERS[maker]
-    found = made(content)
+    found, (row, *tagless) = made(content), (row[:4], *row[4:])
     assert first_row(found) == row
-    tagless = maker in (
-        "Microsoft",
-        "Overture",
-        "OSM Buildings",
-        "a city's portal",
-        "PostGIS",
-        "shapely",
-    )
-    assert tagless == any("as every polygon" in what for what in found.features)
+    assert tagless == ["*"] * any("as every polygon" in what for what in found.features)
 
 
 OTHERS = {
