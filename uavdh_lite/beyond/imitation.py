@@ -12,7 +12,7 @@ The loop is that of every training: act, step, add, sample, update. Only who act
 are others. A turned or mirrored map is the same task, so each minibatch shows all eight views.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -22,7 +22,7 @@ from torch import Tensor
 from torch.nn.functional import cross_entropy
 
 from uavdh_lite.beyond.genie import Genie
-from uavdh_lite.beyond.symmetry import SYMMETRIES, turned, turned_actions
+from uavdh_lite.beyond.symmetry import SYMMETRIES, in_view
 from uavdh_lite.ddqn import DDQN
 from uavdh_lite.environment import State
 from uavdh_lite.evaluation import fly
@@ -44,17 +44,12 @@ class Cloning(DDQN):
 
     def loss(self, batch: Batch, y: Tensor) -> Tensor:
         """The mean cross-entropy, an eighth of the minibatch in each of the views."""
-        scores = torch.cat(list(self._in_views(*self.observation(batch.state))))
+        seen, pairs = self.observation(batch.state), list(zip(EIGHTHS, SYMMETRIES, strict=True))
+        scores = torch.cat(
+            [in_view(self.online, *view, *(part[rows] for part in seen)) for rows, view in pairs]
+        )
         actions = torch.cat([y[rows] for rows in EIGHTHS])
         return cross_entropy(scores, actions, reduction="none").mean()
-
-    def _in_views(self, map: Tensor, *others: Tensor) -> Iterator[Tensor]:
-        """The scores of each eighth of a minibatch, from its view."""
-        for rows, symmetry in zip(EIGHTHS, SYMMETRIES, strict=True):
-            time, *masks = (other[rows] for other in others)
-            action = turned_actions(*symmetry)
-            masks = [mask[:, np.argsort(action)] for mask in masks]
-            yield self.online(turned(map[rows], *symmetry), time, *masks)[:, action]
 
 
 class Imitation(Trainer):

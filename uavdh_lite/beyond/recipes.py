@@ -78,6 +78,7 @@ class ImitationRecipe(BeyondRecipe):
     """A recipe that copies a planner, an environment step a label, and may then learn by reward."""
 
     trainer: ClassVar[str] = "uavdh_lite.beyond.reinforce:Reinforced"
+    all_views: ClassVar[bool] = True  # its minibatches show a map turned and mirrored, too
 
     own_starts: float = option(
         0.0, "share of the planned flights that begin where the learner has flown", ge=0, le=1

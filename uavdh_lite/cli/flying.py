@@ -1,14 +1,16 @@
 """`demo`, `fly`, `evaluate`, `compare` and `export`: what trained agents do."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
+from cyclopts import Parameter
 from cyclopts.types import NonNegativeInt, PositiveInt
 from matplotlib.figure import Figure
 
 from uavdh_lite import evaluation, missions, plotting
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.genie import Genie
+from uavdh_lite.beyond.symmetry import in_eight_views
 from uavdh_lite.bridges.onnx import export_onnx
 from uavdh_lite.channel import Channel
 from uavdh_lite.checkpoint import load_agent, shipped_agents
@@ -61,6 +63,15 @@ def over_channel(name: str, agent: Agent, values: Any, other: bool) -> Agent:
             "there all the same"
         )
     return agent.over(agent.environment.city, channel)
+
+
+Views = Annotated[
+    Literal[1, 8],
+    Parameter(
+        help="With 8 the agent flies by the mean of what it sees in a map turned and mirrored, if "
+        "it has learned from all these views."
+    ),
+]
 
 
 def open_agent(checkpoint: str | None, city: str | City | None) -> tuple[str, Agent]:
@@ -137,6 +148,7 @@ def fly(
     mission: Path | None = None,
     save_mission: Annotated[Path | None, named(".json")] = None,
     seed: NonNegativeInt | None = None,
+    views: Views = 1,
     out: Annotated[Path | None, named(*PICTURES, ".gif", ".html")] = None,
 ) -> None:
     """Fly one mission and draw it: a random one, or that of a file.
@@ -156,6 +168,7 @@ def fly(
         unread(save_mission, *read)
     given = None if mission is None else missions.load_mission(mission)
     name, agent = open_agent(checkpoint, city if given is None else given.city)
+    agent = in_eight_views(agent) if views == 8 else agent
     if len(agent.cities) > 1:
         raise InputError(f"{name} over {_where(agent)}: name a single one with --city")
     flown = given or missions.Mission.draw(agent.scenario, agent.city, seed or 0)
@@ -179,6 +192,7 @@ def evaluate(
     city: Cities = None,
     episodes: Count = 1000,
     seed: NonNegativeInt = 0,
+    views: Views = 1,
     json: Annotated[Path | None, named(".json")] = None,
     other_channel: Flag = False,
     channel_values: ChannelOptions = None,  # type: ignore[valid-type]
@@ -197,6 +211,7 @@ def evaluate(
     if json is not None:
         unread(json, checkpoint, city)
     name, agent = open_agent(checkpoint, city)
+    agent = in_eight_views(agent) if views == 8 else agent
     agent = over_channel(name, agent, channel_values, other_channel)
     flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
