@@ -57,7 +57,7 @@ class EightViews(nn.Module):
 
 
 def in_eight_views(agent: Agent) -> Agent:
-    """The agent that flies by the mean over the eight views; it takes eight times as long.
+    """The agent that flies by the mean over the eight views; it takes several times as long.
 
     Raises `InputError` for an agent that has not learned from all views.
     """
