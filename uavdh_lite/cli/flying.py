@@ -34,11 +34,11 @@ from uavdh_lite.experiments import comparison
 from uavdh_lite.experiments.report import TABLE_METRICS, policies_table
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.player import play
-from uavdh_lite.policies import agents_for, find_policy, known_policies
+from uavdh_lite.policies import agents_for, find_policy
 from uavdh_lite.provenance import provenance
 from uavdh_lite.storage import write_json
 
-FLOWN = {  # in `demo`, where there is such a policy: its name, from that of the city
+FLOWN = {  # in `demo`: the policy's name, from that of the city
     "beyond it: copies a planner": "{}",
     "a strengthened DDQN": "{}_ddqn",
     "greedy rule": "greedy",
@@ -119,13 +119,11 @@ def demo(
     for (name, paper), row in zip(RESULTS.items(), axes, strict=True):
         agent = load_agent(name)
         environment = Environment(agent.city)
-        flown = {
-            label: evaluation.evaluate(
-                environment, find_policy(policy, environment), agent.scenario, episodes, seed
-            )
-            for label, pattern in FLOWN.items()
-            if (policy := pattern.format(name)) in known_policies()
-        }
+        flown = {}
+        for label, pattern in FLOWN.items():
+            policy = find_policy(pattern.format(name), environment)
+            drawn = agent.scenario, episodes, seed
+            flown[label] = evaluation.evaluate(environment, policy, *drawn)
         metrics = {label: flights.metrics() for label, flights in flown.items()}
         print(f"{name}: {episodes} random missions, seed {seed}")
         print(f"{policies_table(metrics, paper)}\n")
