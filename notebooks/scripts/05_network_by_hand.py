@@ -40,9 +40,9 @@ SVG(data_folder() / "figures/network.svg")
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Build a neuron, train it by hand, follow a slope backwards, and let three networks answer one question |
+# | **What you'll do** | Build a neuron, train it by hand, follow a slope backwards, let three networks answer one question, and write the network of your agent |
 # | **What you'll learn** | Neuron, loss, gradient descent, backpropagation, convolution, stride, receptive field, PyTorch's training loop |
-# | **What you'll need** | Notebook 4 and derivatives. 50 minutes to read, 60 seconds to run; 42 minutes of exercises |
+# | **What you'll need** | Notebook 4 and derivatives. 40 minutes to read, 40 seconds to run; 42 minutes of exercises |
 #
 # ## 5.1 A neuron
 #
@@ -94,6 +94,8 @@ ax.legend();
 # Each neuron adds one kink. With enough kinks, the sum can follow any continuous curve over a
 # bounded stretch as closely as you like.
 #
+# So far we have a formula that *could* say what an action is worth. Next: how it learns to.
+#
 # ## 5.2 Going downhill
 #
 # At first all weights are random, because neurons with equal weights would learn the same thing. A
@@ -119,18 +121,18 @@ ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")
 ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
-# The steps get shorter as the curve gets flatter, and the weight settles at the bottom. With a
-# learning rate of 0.2 each step would jump across the valley and land higher up on the other side;
-# with 0.0002 the weight would hardly move. A number like this one, chosen rather than learned, is a
-# **hyperparameter**.
+# The steps get shorter as the curve gets flatter, and the weight settles at the bottom. Now break
+# it: with a learning rate of 0.2 in place of 0.02, each step jumps across the valley and lands
+# higher up on the other side. With 0.0002 the weight hardly moves. A number like this one, chosen
+# rather than learned, is a **hyperparameter**.
 #
 # The slope in the code has the input, 3, as a factor. The weight of an input of 70 would therefore
 # take far larger steps than that of an input of 1, and an equal step would move the output 70 times
 # as far. This is why data and flying time are scaled to small numbers.
 #
 # Because the slope of a squared error grows with the error, a single error of 150 pulls at the
-# weights as hard as 150 errors of 1. Our DDQN agents therefore learn with the **Huber loss**, a
-# parabola near 0 and a straight line further out.
+# weights as hard as 150 errors of 1. The **Huber loss**, a parabola near 0 and a straight line
+# further out, limits that pull.
 #
 # ## 5.3 Backpropagation
 #
@@ -150,11 +152,29 @@ ax.set(xlabel="weight", ylabel="loss");
 # If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$
 # grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is $-6\cdot2=-12$. (Because $h$ is
 # positive, the ReLU changes nothing here. Where a ReLU gives 0, its slope is 0, and the weights
-# before it learn nothing, so the agent's *leaky* ReLUs divide negative numbers by 10 instead.) If
+# before it learn nothing.) If
 # $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each slope
 # is the one to its right times a number that is known from the forward pass, so one backward pass
 # gives the slopes of *all* weights at the cost of one or two forward passes. This is
-# **backpropagation**. In PyTorch:
+# **backpropagation**.
+#
+# ### PyTorch, as much as the course needs
+#
+# PyTorch's arrays are called **tensors**. They behave like numpy's, and remember how they were
+# computed, so that slopes can be followed backwards.
+#
+# | what it does | a line of code |
+# | --- | --- |
+# | 4 neurons, each with 2 inputs | `layer = nn.Linear(2, 4)` |
+# | layers one after the other | `net = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))` |
+# | ask it about 5 examples, one a row; gives (5, 4) | `q = net(torch.rand(5, 2))` |
+# | the entry in column `a[k]` of each row k; gives (5,) | `a = torch.tensor([0, 3, 1, 1, 2]); q.gather(1, a[:, None])[:, 0]` |
+# | the largest number of each row, and its column; (5,) each | `q.amax(1), q.argmax(1)` |
+# | compute without remembering: no slope will flow | `with torch.no_grad(): y = net(torch.rand(5, 2))` |
+# | a second network with the same weights | `other = copy.deepcopy(net)` |
+#
+# Mind the shapes: a column (5, 1) minus a list (5,) is a table of 5 × 5, and nothing warns you. The
+# network of the drawing, in PyTorch:
 
 # %%
 w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # note all operations on these
@@ -213,43 +233,15 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # used everywhere (**weight sharing**), so what they learn in one place holds in all others. If the
 # building moves one cell east, so does the result (**translation equivariance**).
 #
-# In the agent's first convolution, each of the 16 kernels has 5×5 weights for each of the map's
-# five layers, and makes one new picture, a **feature map**, for the second convolution.
-#
-# The number of cells by which the window moves each time is the **stride**. A stride of 3 instead
-# of 1 leaves about a third as many cells along each side.
+# The number of cells by which the window moves each time is the **stride**. A stride of 2 leaves
+# about half as many cells along each side, and makes the network cheaper. It has a price: the
+# result moves along with the picture only if that moves by a multiple of the stride. Moved by a
+# single cell, the building falls between other windows, and what comes out is different.
 #
 # Many networks for pictures use **pooling**: of each small window they keep the largest number or
 # the mean. Our network has none, because pooling blurs *where* things are.
 #
-# ### What a unit can see
-#
-# Each number in a layer's output is a *unit*. How much of the map does a unit of the second
-# convolution see? A unit's slope with respect to a cell on which it does not depend is 0:
-
-# %%
-from uavdh_lite.checkpoint import load_agent
-
-agent = load_agent("manhattan_ddqn")
-maps = torch.rand(1, *agent.observation.map_shape, requires_grad=True)
-pictures = agent.network.convolutions[:-1](maps)  # without the last step, which makes a list
-pictures[0, :, 2, 2].sum().backward()  # the unit in the middle of each picture
-seen = (maps.grad[0].abs().sum(0) > 0).int()
-
-# %%
-draw_maps({"what it sees": seen}, uav=(15, 15))
-
-# %% [markdown]
-# The blue square is the unit's **receptive field**: 17 of 31 cells on each side. Along each side,
-# the unit sees 5 units of the first convolution. Their windows are 5 cells wide and 3 cells apart,
-# so they cover $5+4\cdot3=17$ cells.
-#
-# The square lies off centre because the windows begin in the north-western corner. Along a side of
-# 31 cells, nine windows cover $8\cdot3+5=29$ cells, and a tenth would not fit. Hence the agent's
-# network **never reads the last two rows and columns**: it cannot see a device 14 or 15 cells south
-# or east of the UAV. More than a quarter of the missions over Manhattan begin with a device there,
-# and in the worst flight of notebook 0, two devices stay there. With our stride, an update costs
-# about an eighth as much; 10.6 shows what the unread strip costs.
+# So far: a window asks one question everywhere. Next: whether that helps.
 #
 # ## 5.6 One question, three networks
 #
@@ -297,8 +289,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # **overfitting**: the network fits its examples better than the world that they come from. A weight
 # of the first layer belongs to something at an absolute place, such as "device at (4, 7)". Whether
 # a device there is near depends on where the UAV is, so what the network learns about one pair
-# tells it little about another. More examples would help. So can stopping when results on unseen
-# examples get worse (**early stopping**), but here the share of right answers rises.
+# tells it little about another. More examples would help.
 #
 # The **convolutions** avoid this problem. One window sees the UAV and a nearby device *together*,
 # anywhere in the city. With the **centred** map even the dense network is nearly perfect, because
@@ -310,27 +301,87 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # because that zone may be a whole city away. In the centred frame every displacement from the UAV
 # is a single place in the picture, so a single weight can ask about it.
 #
-# ## 5.7 The whole network
+# ## 5.7 The network of your agent
 #
-# The last layer has six neurons, so a single forward pass gives all six Q-values. These neurons
-# have no ReLU, because a Q-value may be negative.
+# Now write the network that you will train in notebook 7. It sees the centred map of the village, a
+# city of 8 × 8 cells, so the map has $2\cdot8-1=15$ cells on a side. Two convolutions with 8 kernels
+# look for what is near, and each kernel makes one new picture, a **feature map**. The flying time
+# belongs to no cell, so it joins the list after the convolutions. The last layer has six neurons
+# without a ReLU, because a Q-value may be negative: **one forward pass gives all six Q-values**
+# (paper, Fig. 2).
+
+# %%
+class QNetwork(nn.Module):
+    def __init__(self, side):
+        super().__init__()  # first, so that PyTorch finds the layers
+        self.convolutions = nn.Sequential(
+            nn.Conv2d(5, 8, 3, 2), nn.ReLU(), nn.Conv2d(8, 8, 3, 2), nn.ReLU(), nn.Flatten())
+        inputs = 8 * ((side - 3) // 4) ** 2 + 1  # what the convolutions make of it, and the time
+        self.head = nn.Sequential(
+            nn.Linear(inputs, 128), nn.ReLU(), nn.Linear(128, 128), nn.ReLU(), nn.Linear(128, 6))
+
+    def forward(self, maps, time):  # what happens when the network is called
+        return self.head(torch.cat([self.convolutions(maps), time], dim=1))
+
+# %% [markdown]
+# `nn.Conv2d(5, 8, 3, 2)` reads 5 layers with 8 kernels of 3 × 3 that move by 2 cells, and
+# `nn.Flatten` turns pictures into a list. Ask it about the starts of four missions:
+
+# %%
+from uavdh_lite.city import load_city
+from uavdh_lite.environment import Environment
+from uavdh_lite.one_file import VILLAGE, CentredMap  # the map of notebook 4, for many states
+
+environment = Environment(load_city("village"))
+see = CentredMap(environment)
+state = VILLAGE.sample(environment, 4, np.random.default_rng(0))
+maps, time = see(state)
+network = QNetwork(see.side)
+print("map", tuple(maps.shape), "time", tuple(time.shape), "→", tuple(network(maps, time).shape))
+print(f"{sum(weights.numel() for weights in network.parameters()):,} weights")
+
+# %%
+draw_maps(dict(zip(("landing zone", "no-fly zone", "buildings", "data left"), maps[1])), uav=(7, 7))
+
+# %% [markdown]
+# That is the second mission as the network sees it: the UAV in the middle, the village to the
+# south-east, and no-fly cells all around. Its six answers are still random.
 #
-# | layer | output with the recipe `paper` | output in our agent |
+# ### What a unit can see
+#
+# Each number in a layer's output is a *unit*. How much of the map does a unit of the second
+# convolution see? A unit's slope with respect to a cell on which it does not depend is 0:
+
+# %%
+question = torch.rand(1, *maps.shape[1:], requires_grad=True)
+pictures = network.convolutions[:-1](question)  # without the last step, which makes a list
+pictures[0, :, 1, 1].sum().backward()  # the unit in the middle of each picture
+one = (question.grad[0].abs().sum(0) > 0).int()
+question.grad = None
+network.convolutions(question).sum().backward()  # all units
+draw_maps({"one unit": one, "all units": (question.grad[0].abs().sum(0) > 0).int()}, uav=(7, 7))
+
+# %% [markdown]
+# The blue square is the unit's **receptive field**: 7 of 15 cells on each side. Along each side it
+# sees 3 units of the first convolution, whose windows are 3 cells wide and 2 apart, and
+# $3+2\cdot2=7$. Together the units read the whole map. That is not a matter of course: if the
+# windows do not come out even at the edge, a network never reads the last rows and columns.
+#
+# How does it compare with the paper's?
+#
+# | layer | recipe `paper`, a city of 16 × 16 | yours |
 # | --- | --- | --- |
-# | the map | 5×31×31 | 5×31×31 |
-# | convolution, 16 kernels 5×5 | 16×27×27 | 16×9×9, with stride 3 |
-# | convolution, 16 kernels 5×5 | 16×23×23 | 16×5×5 |
-# | flattened into a list, with the time | 8465 | 401 |
-# | three fully connected layers | 256 each | 256 each, with **layer normalisation** before the leaky ReLU (512 more weights in each) |
-# | output | 6 | 6 |
-# | weights in all | 2,308,854 | 246,006 |
+# | the map | 5×31×31 | 5×15×15 |
+# | first convolution | 16×27×27, kernels 5×5 | 8×7×7, kernels 3×3, stride 2 |
+# | second convolution | 16×23×23 | 8×3×3 |
+# | as a list, with the time | 8465 | 73 |
+# | fully connected | 256, 256, 256 | 128, 128 |
+# | weights in all | 2,308,854 | 27,710 |
 #
-# Layer normalisation shifts and scales a layer's 256 weighted sums to mean 0 and standard deviation
-# 1, so that none is too large for the next layer; two learned numbers for each sum then adjust it.
-# The flying time belongs to no cell, so it joins the list after the convolutions.
-#
-# Nearly all the weights of the paper's network are in its first dense layer: 256 neurons with 8465
-# inputs each. The number of inputs grows with the map, so it limits the size of the *city*.
+# Nearly all weights of the paper's network are in its first dense layer: 256 neurons with 8465
+# inputs each. The number of inputs grows with the map, so it limits the size of the *city*. (The
+# network of the recipe `lite` also has **layer normalisation**: it shifts and scales a layer's sums
+# to mean 0 and standard deviation 1, so that none is too large for the next layer.)
 #
 # ## Recap
 #
@@ -339,6 +390,8 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # - A convolution moves one neuron across a picture, so what the neuron learns in one place holds in
 #   all others. With centred maps, even what a dense network learns in one part of the city holds in
 #   the others.
+# - The network of your agent is written. It does not know anything yet; what it should say is the
+#   subject of [notebook 6](06_ddqn.ipynb).
 #
 # ## Exercises
 #

@@ -1,18 +1,8 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-# ---
-
 # %% [markdown]
 # # 6 · From Q-learning to DDQN
 #
-# The agent is over cell (11, 8) and decides by the six numbers below, one for each action. Each is
-# a **Q-value**: the sum of the rewards that the agent expects from now on if it takes that action
-# and acts well afterwards, with later rewards counting less. **How can one number know about the
-# rewards of the next twenty steps?**
+# In the corner of the village stands a device. Nobody has told the UAV where, and only the very last
+# step brings a reward. Yet after some flights *at random* every cell knows the way:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -30,233 +20,276 @@ if not any(distributions(name="uavdh_lite")):
 if project:
     chdir(f"{project[0]}/notebooks")
 
-# %%
+# %% tags=["hide-input"]
 # %matplotlib inline
+import copy
+
 import numpy as np
 import torch
 from matplotlib import pyplot as plt
+from torch import nn
 
-from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.missions import Mission
+from uavdh_lite.city import load_city
+from uavdh_lite.course.live import draw_actions
+from uavdh_lite.plotting import draw_city
 
 torch.set_num_threads(1)  # small networks
-agent = load_agent("manhattan_ddqn")
-q_now = agent.q_values(Mission(agent.city, (11, 8), [(4, 7), (11, 11)], [15, 10], 50).state)
-figure, ax = plt.subplots(figsize=(6, 2.4), layout="constrained")
-ax.set(ylabel="Q-value, data units")
-ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
+village, generator = load_city("village"), np.random.default_rng(0)
+START, DEVICE, MOVES = (0, 0), (6, 7), ((-1, 0), (0, 1), (1, 0), (0, -1))
+
+def draw_values(values, titles):
+    figure, axes = plt.subplots(1, len(values), figsize=(3 * len(values), 3.2), layout="constrained")
+    for ax, q, title in zip(np.ravel(axes), values, titles):
+        draw_city(ax, village).set_title(title, fontsize="medium")
+        ax.imshow(np.where(village.no_fly, np.nan, q.max(2)), "YlGn", vmin=-1, vmax=10, zorder=1.5)
+        draw_actions(ax, village, q.argmax(2).ravel())
+        ax.plot(DEVICE[1], DEVICE[0], "X", color="C1", mec="white", ms=11, zorder=6)
+
+def far_sighted():  # what the first section computes
+    q = np.zeros((8, 8, 4))
+    for _ in range(100):
+        for cell in np.argwhere(~village.no_fly):
+            for action, (down, right) in enumerate(MOVES):
+                after = tuple(np.clip(cell + (down, right), 0, 7))
+                after = tuple(cell) if village.no_fly[after] else after
+                q[*cell, action] = 9.8 if after == DEVICE else -0.2 + 0.95 * q[after].max()
+    return q
+
+right_values = far_sighted()
+draw_values([right_values], [""])
 
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Follow a value through a table, watch a network explode, see what calms it; in the exercises, build all of it |
+# | **What you'll do** | Write Q-learning as a table, put a network in its place, watch it explode, and calm it |
 # | **What you'll learn** | The Bellman equation, discount, replay, target network, exploration, double Q-learning |
-# | **What you'll need** | Notebooks 3 to 5. 50 minutes to read, 40 seconds to run; 110 minutes of exercises |
+# | **What you'll need** | Notebooks 3 to 5. 40 minutes to read, 40 seconds to run; 60 minutes of exercises |
+#
+# The greener a cell, the more it is worth; an arrow shows its best move. **How can a number in one
+# corner know about a reward twelve steps away?**
 #
 # ## 6.1 A table
 #
-# We begin with a city of four by four cells. The UAV starts in the south-west. In the north-east
-# corner stands a device; reaching it brings 10 units of data and ends the episode. Each step costs
-# 0.2 units.
-#
-# Imagine a table $Q$ with one number for each cell $s$ and action $a$. Each entry *should* be the
-# sum that you earn from that cell onwards if you take that action and fly well afterwards. The last
-# step brings $10-0.2=9.8$, and then the episode is over. The step before it costs 0.2 and leads to
-# a cell from which 9.8 can be earned. And so on: a Q-value is the reward $r$ of its own step plus
-# the best Q-value of the next cell $s'$, the largest over all actions $a'$. A factor $\gamma$ a
-# little below 1, the *discount*, makes that second part count slightly less.
+# Here is the task: reaching the device brings 10 units of data and ends the flight; each step costs
+# 0.2. A move against a building or off the grid leaves the UAV where it is.
+
+# %%
+def step(cell, action):
+    after = tuple(np.clip(np.add(cell, MOVES[action]), 0, 7).tolist())
+    after = cell if village.no_fly[after] else after
+    ended = after == DEVICE
+    return after, 10 * ended - 0.2, ended  # the next cell, the reward, whether the flight is over
+
+step((0, 0), 0), step((5, 7), 2)
+
+# %% [markdown]
+# Imagine a table $Q$ with a number for each cell $s$ and action $a$, a **Q-value**: what you earn
+# from that cell on if you take that action and fly well afterwards. The last step brings
+# $10-0.2=9.8$. The step before it costs 0.2 and leads to a cell from which 9.8 can be earned. And so
+# on: a Q-value is the reward $r$ of its own step plus the best Q-value of the next cell $s'$. A
+# factor $\gamma$ a little below 1, the *discount*, makes what comes later count a little less.
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
-# This is the **Bellman equation** of the best policy. It answers the question at the top: no number
-# has to know about twenty steps, because each only has to agree with its neighbour, and the
-# neighbour with the next.
+# This is the **Bellman equation**, and the answer to the question: no number has to know about
+# twelve steps. Each only has to agree with its neighbour, and the neighbour with the next. Nobody
+# gives us the table, so we start with zeros. Each step tells us $r$ and $s'$, and so what the right
+# side says *now*, the **target** $y$. The entry moves a fraction $\alpha$ of the way to $y$:
 #
-# Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
-# $s'$, and so the *current* value $y$ of the equation's right-hand side. The entry moves a fraction
-# $\alpha$ of the way to $y$:
-#
-# $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
-#
-# With $\gamma=0.95$ and $\alpha=0.5$, let us make two updates by hand. The UAV is one cell west of
-# the device and flies east. Nothing follows the last step of an episode, so $y=r=9.8$, and the
-# entry goes from 0 to 4.9. A few flights later, the UAV is in the next cell to the west and flies
-# east: $y=-0.2+0.95\cdot4.9\approx4.5$. The news has moved one cell back. Here is the largest
-# Q-value of each cell, the cell's *value* $V(s)=\max_aQ(s,a)$, after 1, 3 and 100 flights:
+# $$Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big),\qquad y=r+\gamma\max_{a'}Q(s',a')$$
 
 # %%
-from uavdh_lite.course.small_city import CELLS, START, flights_of
-from uavdh_lite.course.small_city import learn_network, learn_table, small_city
-from uavdh_lite.plotting import draw_maps
+def learn_table(flights, worth=np.max, gamma=0.95, alpha=0.5):
+    q = np.zeros((8, 8, 4))
+    for _ in range(flights):
+        cell, ended = START, False
+        while not ended:
+            action = generator.integers(4)  # at random!
+            after, reward, ended = step(cell, action)
+            y = reward if ended else reward + gamma * worth(q[after])
+            q[cell][action] += alpha * (y - q[cell][action])
+            cell = after
+    return q
 
-def table(flights, gamma=0.95):
-    generator = np.random.default_rng(0)
-    return learn_table(small_city(), START, flights, gamma, 0.5, generator).max(axis=2)
-
-draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
+# %%
+draw_values([learn_table(n) for n in (1, 4, 40)], ["1 flight", "4 flights", "40 flights"])
 
 # %% [markdown]
-# After one flight only the last cell before the device knows that something good is near. (In the
-# cells with −0.1 and −0.2, all four moves have been tried in vain.) Each further flight spreads the
-# news, until the start is worth 6.7. A table thus solves **credit assignment** from back to front.
+# After one flight only the cell before the device knows that something good is near. Each further
+# flight carries the news back, until all cells agree with their neighbours (**credit assignment**).
 #
-# ### Names
+# The method is **Q-learning**, and the gap $y-Q(s,a)$ is the **TD error** (*temporal difference*).
+# It is *model-free*: it needs steps, and not notebook 3's distribution $p$. In a world with chance,
+# the right-hand side is a mean, and a small $\alpha$ averages good and bad luck.
 #
-# The method is **Q-learning**. The value $y$ is the **target**, $\alpha$ the learning rate, and the
-# gap $y-Q(s,a)$ the **TD error** (*temporal difference*): how much better or worse the step turned
-# out than the table expected. In a **stochastic** world, where chance plays a part, the right-hand
-# side of the Bellman equation is a mean; with a small $\alpha$, good and bad luck average out.
-# Q-learning is *model-free*: it needs steps, but not notebook 3's distribution $p$. If $p$ were
-# known, a small table could be computed without a flight (**dynamic programming**).
+# Now break it. The UAV flew at random, and yet learned what *good* flying is worth, because the
+# target asks for the best next action, $\max$, and not for the one taken next. What if it asks for
+# the mean of all four?
+
+# %%
+draw_values([right_values, learn_table(40, worth=np.mean)], ["the largest", "the mean"])
+
+# %% [markdown]
+# Now the table knows what flying *at random* is worth: hardly anything but the cost of the steps. A
+# method that learns about good flying from the flights of another policy is **off-policy**; the one
+# with the mean, which learns what its own flying is worth, is **on-policy** (*SARSA* is of this
+# kind). An off-policy method may learn from old flights again and again, and soon it will.
 #
-# The UAV picked all actions at random, and still learned what *good* flying is worth, because the
-# target asks for the *best* next action, not for the one taken next. A method that can learn from
-# the flights of another policy is called **off-policy**. (The other policy must try every action in
-# every cell again and again.) An **on-policy** method, such as *SARSA*, would have learned what
-# flying at random is worth.
+# **The last step.** If the flight ended, $y$ is $r$ alone. If you forget this, rewards seem to go on
+# after a crash. When the UAV's time is up, which the agent can foresee from the state, the mission is
+# over: a true end, a **termination**. If a simulation merely stops, say after 1000 steps, that is a
+# **truncation**: more would have followed, and $y$ keeps its second part.
 #
-# ### The last step
-#
-# At the last step of an episode, $y$ is $r$ alone. If you forget this, rewards seem to go on after
-# a crash. But not every stop is an end. When our UAV's time is up, which the agent can foresee from
-# the state, the mission is over: this is a true end, a **termination**. If the simulation merely
-# stops, say after 1000 steps, that is a **truncation**: more rewards would have followed, so $y$
-# keeps its second part.
-#
-# ### The discount
-#
-# The agent does not learn the plain sum of rewards of notebook 3, but a sum in which a reward $k$
-# steps ahead counts only $\gamma^k$ times its size (paper, eq. 6). A Q-value is the expected value
-# of that sum (eq. 5):
+# **The discount.** A reward $k$ steps ahead counts $\gamma^k$ times its size (paper, eq. 5 and 6):
 #
 # $$Q(s_t,a_t)=\mathbb{E}\left[\sum_{k}\gamma^k\,r_{t+k}\right]$$
-
-# %%
-for gamma in (0.5, 0.95, 1.0):
-    print(f"γ = {gamma:<5}the start is worth {table(300, gamma)[START]:.1f}")
-
-# %% [markdown]
-# With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=1$ the device counts in
-# full, which does no harm here: a flight that never ends costs more and more, so the best flights
-# end. **Why discount, then, if the plain sum is what we want?**
 #
-# - *Errors.* Each value is estimated from the next, which is estimated from the one after it, and
-#   so on. Each estimate adds an error, and $\gamma$ shrinks the errors from far away.
-# - *Noise.* Rewards fifty steps ahead depend on fifty steps of fading and on fifty actions still to
-#   be chosen, so they say little about which action is better *now*.
-# - *Time.* With $\gamma=0.95$, news of a reward need not travel back more than a few dozen steps.
-#   With $\gamma=1$, it has to travel back through the whole flight.
+# Why not $\gamma=1$? Each value is estimated from the next, so errors travel, and $\gamma$ shrinks
+# those from far away. For the same reason the equation has one solution, and updates come closer to
+# it: an error of $\varepsilon$ in the next values is $\gamma\varepsilon$ in this one, so that each
+# round *contracts* it. And rewards fifty steps ahead depend on fifty actions still to be chosen. The
+# price is short-sightedness: the factors add up to $1/(1-\gamma)$, the **horizon**, 20 steps for
+# 0.95. A crash that costs 150 and is 60 steps ahead counts only $150\cdot0.95^{60}\approx7$.
 #
-# The price is short-sightedness. The factors $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
-# the **horizon**: 20 steps for $\gamma=0.95$, and 100 for 0.99. A crash that costs 150 units and is
-# 60 steps ahead counts only $150\cdot0.95^{60}\approx7$. Over Manhattan, where home is never more
-# than 14 moves away, that does no harm; a much longer way home may need a larger $\gamma$.
-#
-# ## 6.2 A network instead of the table
+# ## 6.2 A network in the table's place
 #
 # A table for Manhattan would need a row for every combination of positions, times and amounts of
-# data: for five devices, more than $10^{13}$ rows, even without the amounts. Instead, a network
-# computes the Q-values from its inputs (in the small city, the row and column of the cell). It
-# answers even for a cell it has never seen, and neighbouring cells get similar values. This is
-# **generalisation**.
-#
-# In the table, an entry moved a fraction $\alpha$ of the way to $y$. Now the weights $\theta$ take
-# a step downhill on the squared error (paper, eq. 7):
+# data: with five devices more than $10^{13}$ rows. A network computes the Q-values from its inputs
+# instead, here row and column, and answers for cells that it has never seen (**generalisation**). Its
+# weights $\theta$ take a step downhill on the squared error (eq. 7):
 #
 # $$L(\theta)=\mathbb{E}\big[(y-Q_\theta(s,a))^2\big]$$
 #
-# The target $y$ is computed with the network, too, but treated as a fixed number, because $Q$
-# should move towards $y$, and not $y$ towards $Q$.
-#
-# ### Why a memory?
-#
-# A table may learn from the steps of a flight one after another. A network should not, for two
-# reasons. Successive steps of a flight are much alike, so a network that learns from them in order
-# fits what it has just seen and **forgets** the rest, because the same weights serve all places.
-# And gradient descent works best with independent examples.
-#
-# Therefore all steps go into a **replay memory**, and the network learns from a *minibatch* drawn
-# from it at random. Only an off-policy method may do this, because earlier, worse versions of the
-# agent flew most of the stored steps.
-#
-# - *How large?* A small memory holds little but the last few flights, so it brings back the problem
-#   that replay was meant to solve. A large one also holds older steps, flown by agents that knew
-#   less. What counts is probably the number of *flights* in it ([notebook 11](11_replay.ipynb)).
-# - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be
-#   in about one in 400 minibatches of 128. The paper's **combined experience replay** puts it into
-#   every minibatch, at the cost of one place in 128.
+# A table may learn from the steps of a flight in order. A network should not, because successive
+# steps are alike, so it fits what it has just seen and **forgets** the rest: the same weights serve
+# all places. And gradient descent works best with independent examples. So all steps go into a
+# **replay memory**, and the network learns from a *minibatch* drawn from it at random. Here is one:
+
+# %%
+rows = []
+for _ in range(20):  # flights
+    cell, ended = START, False
+    while not ended:
+        action = generator.integers(4)
+        after, reward, ended = step(cell, action)
+        rows.append((*cell, action, reward, *after, ended))
+        cell = after
+memory = torch.tensor(rows, dtype=torch.float32)
+print(f"{len(memory):,} steps; the last one: {memory[-1].tolist()}")
+
+# %% [markdown]
+# *How large?* A small memory holds little but the last few flights, so it brings back what replay
+# was meant to cure; a large one holds steps of agents that knew less ([notebook 11](11_replay.ipynb)).
+# *Is the newest step in it?* Of 50,000 steps, a minibatch of 128 would hold it once in 400 times. The
+# paper's **combined experience replay** puts it into every minibatch, at the cost of one place.
 #
 # ## 6.3 It explodes
 #
-# The memory below holds 100 random flights. All steps from or to cell (1, 1) have been left out, so
-# that we can test what a network says about an unseen cell. Three networks start from different
-# random weights, and each computes its own targets. The value of the start cell should become 6.7.
+# One update. Which network makes the target is left open for now: `judge`.
 
 # %%
-memory = flights_of(small_city(), 100)
-memory = memory[~((memory[:, :2] == 1).all(1) | (memory[:, 4:6] == 1).all(1))]
+def update(online, judge, optimiser):
+    batch = memory[torch.randint(len(memory), (32,))]
+    cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
+    with torch.no_grad():  # y is a number to reach: it must not move towards Q
+        y = reward + 0.95 * (1 - ended) * judge(after).amax(1, keepdim=True)
+    q = online(cell).gather(1, action.long())  # of the action taken
+    loss = ((y - q) ** 2).mean()  # eq. 7
+    optimiser.zero_grad()
+    loss.backward()
+    optimiser.step()
 
-def learn(tau, seed):
+def network_and_optimiser(seed):
     torch.manual_seed(seed)
-    return learn_network(memory, 0.95, tau, 1000)
-
-# %%
-copies = [learn(tau=1.0, seed=seed) for seed in range(3)]  # the next section explains τ
-print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
+    online = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+    return online, torch.optim.Adam(online.parameters(), lr=0.01)
 
 # %% [markdown]
-# All three networks have exploded. Why, when a table does not?
+# The obvious judge is the network itself. The start is worth about 3.5, as the table knows:
+
+# %%
+def value(network):
+    return network(torch.tensor([START]).float()).max().item()
+
+exploding = []
+for seed in range(3):
+    online, optimiser = network_and_optimiser(seed)
+    exploding.append([update(online, online, optimiser) or value(online) for _ in range(1500)])
+print("value of the start:", *(f"{path[-1]:,.0f}" for path in exploding))
+assert min(path[-1] for path in exploding) > 100
+
+# %% [markdown]
+# All three have exploded. Why, when a table does not? An update raises $Q(s,a)$ towards $y$. In a
+# table nothing else changes. In the network the same weights also make the values of neighbouring
+# cells, so those rise, too, and *the next cell $s'$ is a neighbour*. But $y$ is computed from the
+# values of $s'$: by moving towards the target, the network has pushed the target away. Next time the
+# gap is wider, and the chase goes on.
 #
-# An update raises $Q(s,a)$ towards $y$. In a table nothing else would change. In the network the
-# same weights also determine the values of the neighbouring cells, so those rise, too, and *the
-# next cell $s'$ is a neighbour*. But $y$ is computed from the values of $s'$, so by moving towards
-# the target the network has pushed the target away. Next time the gap is wider, and the chase
-# continues.
+# ```text
+#            ┌──────── y = r + γ max Q(s') ◀────────┐
+#            ▼                                       │  the same weights:
+#   Q(s) rises towards y  ────────────────────▶  Q(s') rises, too
+# ```
 #
-# Three things have come together: a network that generalises, targets made from its own estimates
-# (**bootstrapping**), and learning off-policy. Together they are the *deadly triad*: no theorem
-# promises that such learning ends well.
+# Three things come together: a network that generalises, targets made from its own estimates
+# (**bootstrapping**), and learning off-policy. This is the *deadly triad*: no theorem promises that
+# such learning ends well.
 #
 # ### The target network
 #
-# The cure is simple: do not let the target move at once. A second network, the **target network**
-# with the weights $\bar\theta$, computes $y$. It begins as a copy of the network that learns, the
-# **online network** $\theta$, and after each update moves a small fraction $\tau$ of the way
-# towards $\theta$ (a **soft update**):
+# The cure: do not let the target move at once. A second network, the **target network** with the
+# weights $\bar\theta$, makes $y$. It begins as a copy of the one that learns, the **online
+# network**, and after each update moves a small fraction $\tau$ of the way (a **soft update**):
 #
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
-#
-# While the online network takes a step, the targets hardly move, so it can catch up with them. The
-# target network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. With
-# $\tau=0.00001$ the targets would stay meaningless for the whole run below; with $\tau=1$ the two
-# networks would be identical. Here are three runs with $\tau=0.05$:
 
 # %%
-calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
-figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
-for runs, style in ((copies, "C1"), (calm, "C0")):
-    ax.plot(np.transpose([path for _, path in runs]), style, lw=1)
-ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
-       title="orange: τ = 1; blue: τ = 0.05; three runs each")
-assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
+def follow(target, online, tau):
+    with torch.no_grad():
+        for old, new in zip(target.parameters(), online.parameters()):
+            old.lerp_(new, tau)  # in place; `old = ...` would only give a name to another tensor
 
-# %% [markdown]
-# All three runs with $\tau=0.05$ settle. Are their values right?
+calm, networks = [], []
+for seed in range(3):
+    online, optimiser = network_and_optimiser(seed)
+    target, path = copy.deepcopy(online), []
+    for _ in range(1500):
+        update(online, target, optimiser)
+        follow(target, online, tau=0.05)
+        path.append(value(online))
+    calm.append(path)
+    networks.append(online)
+assert max(path[-1] for path in calm) < 20
 
 # %%
-values = [online(CELLS).detach().amax(1).view(4, 4) for online, _ in calm]
-draw_maps({"table": table(300), "network": values[0], "another": values[1]}, numbers=True)
+figure, ax = plt.subplots(figsize=(6, 2.8), layout="constrained")
+ax.plot(np.transpose(exploding), "C1", lw=1)
+ax.plot(np.transpose(calm), "C0", lw=1)
+ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog",
+       title="orange: its own judge; blue: a target network; three runs each");
 
 # %% [markdown]
-# The values are nearly right, even in cell (1, 1), which the networks never saw. Only the value of
-# the device's cell is far off, because no step starts there.
+# While the online network takes a step, the targets hardly move, so it can catch up. The target
+# network lags about $1/\tau$ updates behind: 20 here, 200 with the paper's $\tau=0.005$. With
+# $\tau=1$ the two would be the same, and with $\tau=0.00001$ the targets would mean nothing for the
+# whole run. Are the calm values right?
+
+# %%
+cells = torch.cartesian_prod(torch.arange(8.0), torch.arange(8.0))
+learned = [online(cells).detach().view(8, 8, 4).numpy() for online in networks[:2]]
+draw_values([right_values, *learned], ["table", "network", "another"])
+
+# %% [markdown]
+# Nearly: the way is found almost everywhere, and the values are a little low, and smoother than
+# those of the table, because two inputs and 64 neurons draw no sharp edges around buildings. Your
+# agent's network sees the buildings.
 #
 # ## 6.4 Exploring
 #
-# In a large city random flights rarely get far, so the agent should use what it has learned
-# (**exploitation**). But if it always takes the action that seems best, it may never find out that
-# another is better. Trying other actions for the sake of knowledge is called **exploration**. The
-# paper draws actions from a **softmax policy** with the **temperature** $\beta$ (eq. 10):
+# Random flights find a device in a village. In a large city they rarely get far, so the agent should
+# use what it has learned (**exploitation**). But if it always takes the action that seems best, it
+# may never find out that another is better, so it must also try others (**exploration**). The paper
+# draws actions from a **softmax policy** with the **temperature** $\beta$ (eq. 10):
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
 
@@ -265,88 +298,86 @@ from uavdh_lite.course.quiz import Quiz
 
 Quiz("cold_policy")
 
-# %% [markdown]
-# For the Q-values at the top, three temperatures give these probabilities:
-
 # %%
-from uavdh_lite.ddqn import softmax_policy
+def softmax_policy(q, beta):
+    powers = torch.exp(q / beta)
+    return powers / powers.sum(dim=1, keepdim=True)
 
-figure, axes = plt.subplots(1, 3, figsize=(7, 2.2), sharey=True, layout="constrained")
+q_start = torch.tensor(right_values[START][None])
+figure, axes = plt.subplots(1, 3, figsize=(7, 2), sharey=True, layout="constrained")
 for ax, beta in zip(axes, (0.1, 1, 10)):
-    ax.bar(list("NESWHL"), softmax_policy(q_now, beta)[0])
+    ax.bar(list("NESW"), softmax_policy(q_start, beta)[0])
     ax.set(title=f"β = {beta}", ylim=(0, 1))
-axes[0].set_ylabel("probability");
+axes[0].set_ylabel("probability")
+print("Broken: ", softmax_policy(torch.tensor([[1000.0, 999.0, 998.0, 0.0]]), 0.1))
 
 # %% [markdown]
-# With a low β the agent nearly always takes one of the best actions; with a high β, almost any
-# action. After training it follows the **greedy policy** (eq. 9): it always takes the best action.
+# With a low β the UAV nearly always takes one of the best moves; with a high β, any. The line below
+# the figure breaks it: $\exp(10{,}000)$ is more than a float32 holds, and infinity over infinity is
+# *nan*. The probabilities depend only on the gaps between the Q-values, so subtract the row's largest
+# from all of them first; `torch.softmax` does. After training, the agent follows the **greedy
+# policy** (eq. 9) and always takes the best action.
 #
-# The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
-# otherwise the best. The same ε suits Q-values of any size, whereas β must fit their size. But
-# ε-greedy tries the worst action as often as the second best.
-#
-# One could also mask pointless actions (3.4), because the safety controller knows them. But then
-# the maximum in the target must be masked, too, because the value of an action that is never tried
-# is never corrected. The paper uses penalties; so do we.
+# The best-known alternative is **ε-greedy**: a random action with probability ε, else the best. The
+# same ε suits Q-values of any size, whereas β must fit their size; but it tries the worst action as
+# often as the second best. One could also *mask* actions that the safety controller refuses (3.4), in
+# acting and in the maximum of the target alike. The paper uses penalties; so do we.
 #
 # ## 6.5 Double Q-learning
 #
-# Q-values are estimates, so each has some error. In the first picture, landing would be refused and
-# cost 1 unit more than hovering, so its bar should be 1 unit lower than that for hovering. It is
-# nearly 7 units lower, perhaps because landing is hardly ever tried there, so that its value is
-# hardly ever corrected. What do such errors do to the largest Q-value?
+# Q-values are estimates, so each has some error. What do the errors do to the largest one?
 
 # %%
 Quiz("whose_maximum")
 
 # %% [markdown]
 # The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth?
-# The estimate with the luckiest error answers both, so the value comes out too high: a
-# **maximisation bias**. In **double Q-learning** one set of estimates chooses the action and
-# another judges it. In the paper's target, the online network chooses and the target network judges
-# (eq. 8):
+# The one with the luckiest error answers both, so the value comes out too high: a **maximisation
+# bias**. In **double Q-learning** one set of estimates chooses, and another judges. In the paper, the
+# online network chooses and the target network judges (eq. 8):
 #
 # $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
-#
-# Let six actions all be worth 0, with random errors in their estimates, and ask three judges what
-# the chosen action is worth:
 
 # %%
-from uavdh_lite.ddqn import ddqn_target
+def double_target(reward, ended, gamma, online_next, target_next):
+    best = online_next.argmax(dim=1, keepdim=True)  # the online network chooses,
+    return reward + gamma * ~ended * target_next.gather(1, best)[:, 0]  # the target one judges
 
+# %% [markdown]
+# Try it: six actions are all worth 0, and their estimates have random errors. The judge's errors are
+# the chooser's own (that is the plain maximum), related to them, or a stranger's.
+
+# %%
 chooser, own = torch.randn(2, 20_000, 6)
+zeros, no = torch.zeros(20_000), torch.zeros(20_000, dtype=bool)
 for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a stranger", 0.0)):
-    # share is the correlation with the chooser's errors: 1 for equal ones, 0 for unrelated ones
-    judge = share * chooser + (1 - share**2) ** 0.5 * own
-    y = ddqn_target(torch.zeros(20_000), torch.ones(20_000), chooser, judge)  # reward 0, discount 1
-    print(f"{name:<19} mean target {y.mean():5.2f}")
+    judge = share * chooser + (1 - share**2) ** 0.5 * own  # share: the correlation of their errors
+    print(f"{name:<19} mean target {double_target(zeros, no, 1.0, chooser, judge).mean():5.2f}")
 
 # %% [markdown]
 # The right target is 0, and only the stranger finds it. The target network, an older copy of the
-# online network, is a related judge, so it removes only part of the bias.
+# online one, is a related judge, so it removes part of the bias. No constant could: the bias is large
+# where several actions are almost equally good, and nearly 0 where one is clearly best, so it draws
+# the agent to states about which it knows little.
 #
-# No constant can correct the bias, because it is large where several actions are almost equally
-# good and their values uncertain, and nearly 0 where one action is clearly the best. The bias
-# therefore does not cancel when states are compared, and draws the agent to states about which it
-# knows little.
-#
-# A deep network with double Q-learning is a *double deep Q-network*, or **DDQN**.
-#
-# ## 6.6 All of it
-#
-# [One page](../docs/tutorials/pseudocode.md) shows the whole algorithm as pseudocode, beside the
-# names in the code.
+# A deep network with a memory, a target network and double targets is a *double deep Q-network*, a
+# **DDQN**.
 #
 # ## Recap
 #
-# - The Bellman equation ties each Q-value to those of the next state, so the news of a reward
-#   spreads backwards.
+# - The Bellman equation ties each Q-value to those of the next state, so news spreads backwards.
 # - A replay memory makes the examples of a minibatch nearly independent.
 # - A network that makes its own targets may explode; a slow target network keeps it calm.
+# - The online network chooses, the target network judges.
+#
+# You have now written every part of the algorithm ([the whole on one
+# page](../docs/tutorials/pseudocode.md)). In [notebook 7](07_training.ipynb) they fly over the
+# village.
 #
 # ## Exercises
 #
-# In the [exercises of this notebook](exercises/06_ddqn/06_ddqn.ipynb) you build a deep Q-network.
+# The [exercises of this notebook](exercises/06_ddqn/06_ddqn.ipynb) vary what you wrote: another
+# target, another exploration, a memory that prefers surprises.
 #
 # Further reading: Sutton and Barto, *Reinforcement Learning*, sections 6.5, 6.7 and 11.3; Mnih et
 # al., 2015; van Hasselt et al., 2016.

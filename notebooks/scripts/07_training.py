@@ -1,19 +1,9 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-# ---
-
 # %% [markdown]
-# # 7 · Training
+# # 7 · Your agent learns to fly
 #
-# Two agents fly the same mission below. Both were trained with the **recipe** `lite`, but for
-# different numbers of steps. (A recipe sets all constants and choices of a run.) The agent on the left
-# comes from a run planned for two million steps and stopped after 300,000; the one on the right is
-# the best agent of a run of nearly four million steps. **What happens in all these steps, and how
-# can you tell whether training is going well?**
+# This is the network of notebook 5 before it has learned anything. Each arrow is the action that it
+# thinks best in that cell. **A minute from now, this network will collect nearly everything and come
+# home, and you will have seen every line that made it.**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -31,176 +21,256 @@ if not any(distributions(name="uavdh_lite")):
 if project:
     chdir(f"{project[0]}/notebooks")
 
-# %%
+# %% tags=["hide-input"]
 # %matplotlib inline
+import copy
+
+import numpy as np
 import torch
 from matplotlib import pyplot as plt
+from torch import nn
 
-from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.evaluation import evaluate
-from uavdh_lite.plotting import draw_trajectory
+from uavdh_lite.city import load_city
+from uavdh_lite.course.live import Live
+from uavdh_lite.environment import Environment, Rewards, State
+from uavdh_lite.one_file import VILLAGE, CentredMap, QNetwork  # written in notebooks 4 and 5
+from uavdh_lite.one_file import Settings, double_target, softmax_policy  # and in notebook 6
 
-torch.set_num_threads(1)  # small networks
-figure, axes = plt.subplots(1, 2, figsize=(9, 5), layout="constrained")
-for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
-    agent = load_agent(name)
-    flights = evaluate(agent.environment, agent, agent.scenario, 40, seed=0)
-    draw_trajectory(ax, agent.environment, flights.trajectory(20)).set_title(name)
+torch.set_num_threads(1)  # quickest for a small network
+environment = Environment(load_city("village"))
+see, missions = CentredMap(environment), VILLAGE.sample(environment, 6, np.random.default_rng(5))
+
+def q_values_of(network):
+    def q_values(state):
+        with torch.no_grad():
+            return network(*see(state)).numpy()
+    return q_values
+
+torch.manual_seed(2)
+figure, ax = plt.subplots(figsize=(4, 4.2), layout="constrained")
+Live(Settings(), environment, missions).draw_mission(ax, q_values_of(QNetwork(see.side)));
 
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Train an agent for a village, read its curves, and make training fail |
-# | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
-# | **What you'll need** | Notebooks 3 and 6. 45 minutes to read, 45 seconds to run; 110 minutes of exercises |
+# | **What you'll do** | Write memory, update and loop, train your agent live, turn knobs while it learns, and fly with it |
+# | **What you'll learn** | The training loop, validation, what the curves say, five ways to fail |
+# | **What you'll need** | Notebooks 3 to 6. 40 minutes to read, a minute to run; 75 minutes of exercises |
 #
-# The early agent leaves about a sixth of the data behind and lands at the last moment, whereas the
-# late one brings all the data home and has two units of time to spare.
+# The village has 8 × 8 cells and one or two devices, and the UAV has 20 to 35 units of time. From
+# the earlier notebooks come the centred map (`see`), `QNetwork`, `softmax_policy` and
+# `double_target`; paste your own cells over the imports if you like.
 #
-# ## 7.1 One step of the loop
+# ## 7.1 The memory
 #
-# Everything so far comes together in one method:
+# Sixteen UAVs fly side by side. Their steps go into a *ring*: when it is full, the newest steps take
+# the place of the oldest. It stores states, a few numbers each; maps are made anew for each
+# minibatch. Every minibatch begins with the newest step of each UAV (**combined replay**, III-B).
 
 # %%
-import inspect
+class Memory:
+    def __init__(self, capacity, uavs):
+        self.capacity, self.uavs, self.stored, self.ring = capacity, uavs, 0, []
 
-from uavdh_lite.training import Trainer
+    def __len__(self):
+        return min(self.stored, self.capacity)
 
-print(inspect.getsource(Trainer.step))
+    def add(self, state, action, reward, after):
+        step = [*vars(state).values(), action, reward, *vars(after).values()]
+        if not self.ring:
+            self.ring = [np.zeros((self.capacity, *part.shape[1:]), part.dtype) for part in step]
+        place = self.stored % self.capacity
+        for ring, part in zip(self.ring, step):
+            ring[place : place + self.uavs] = part
+        self.stored += self.uavs
+
+    def sample(self, count, generator):
+        others = generator.choice(len(self) - self.uavs, count - self.uavs, replace=False)
+        ago, uav = np.divmod(np.r_[: self.uavs, self.uavs + others], self.uavs)
+        places = (self.stored - (ago + 1) * self.uavs + uav) % self.capacity
+        drawn = [ring[places] for ring in self.ring]
+        state, (action, reward), after = drawn[:7], drawn[7:9], drawn[9:]  # a state has 7 fields
+        return State(*state), torch.tensor(action), torch.tensor(reward), State(*after)
 
 # %% [markdown]
-# | in the code | what it does | where you met it |
-# | --- | --- | --- |
-# | `self._act` | **act**: draw an action from the softmax policy (eq. 10) | 6.4 |
-# | `environment.step` | **step**: take the action, and see what happens | notebook 3 |
-# | `replay.add` | **add** the step to the memory | 6.2 |
-# | `replay.sample` | **sample** a minibatch that includes the newest steps | 6.2 |
-# | `learner.update` | **update**: DDQN targets (eq. 8), a step downhill (eq. 7), the soft update | 6.3, 6.5 |
+# Try it: 125 random steps of the 16 UAVs. `after` is stored as the step left it, *before* a new
+# mission takes the place of one that has ended. Stored the other way round, no step in the memory
+# would ever end, and no agent would learn to land.
+
+# %%
+def random_steps(memory, rounds, generator):
+    state = VILLAGE.sample(environment, 16, generator)
+    for _ in range(rounds):
+        action = generator.integers(0, 6, 16)
+        after, outcome = environment.step(state, action, generator)
+        memory.add(state, action, Rewards(crash=-5.0)(outcome), after)
+        ended = np.flatnonzero(after.ended)
+        state = after.with_rows(ended, VILLAGE.sample(environment, len(ended), generator))
+    return memory
+
+memory = random_steps(Memory(40_000, 16), 125, np.random.default_rng(0))
+state, action, reward, after = memory.sample(64, np.random.default_rng(0))
+print(f"{len(memory):,} steps; of 64 drawn, {after.ended.sum()} end a flight; rewards", reward[:4])
+
+# %% [markdown]
+# ## 7.2 One update
 #
-# The loop feeds on itself: an agent learns from its own flights, so a bad agent learns from bad
-# flights, and a good one from good flights.
-#
-# Five more things are worth knowing:
-#
-# - Several UAVs fly side by side, 16 in the next section. Each flies one step between one update
-#   and the next.
-# - When an episode has ended, `_restart_ended` puts a new random mission in its place, so the agent
-#   cannot simply memorise one mission.
-# - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing.
-#   Otherwise the first minibatches would be drawn again and again from the same few steps.
-# - The agent learns from the rewards of `training_rewards_at`, in which the cost of a crash may
-#   grow during the run. The agent is judged by the rewards `REPORTED`, which are fixed.
-# - The last two lines record one row of the training curves every 5000 steps.
-#
-# ## 7.2 Train one now
-#
-# A village of 8 × 8 cells with one or two devices is so small that an agent can be trained for it
-# while you wait. The recipe `small` sets all **hyperparameters** (5.2): the size of the network,
-# the learning rate, $\gamma$, $\tau$, $\beta$ and the rewards. Training takes half a minute.
+# The target $y$ of the double network (eq. 8), a step downhill on the squared error (eq. 7), and the
+# target network follows:
+
+# %%
+def update(online, target, optimiser, batch, settings):
+    state, action, reward, after = batch
+    with torch.no_grad():
+        ended, seen = torch.tensor(after.ended), see(after)
+        y = double_target(reward, ended, settings.discount, online(*seen), target(*seen))
+    q = online(*see(state)).gather(1, action[:, None])[:, 0]
+    loss = nn.functional.mse_loss(q, y)
+    optimiser.zero_grad()
+    loss.backward()
+    optimiser.step()
+    with torch.no_grad():
+        for old, new in zip(target.parameters(), online.parameters()):
+            old.lerp_(new, settings.target_rate)
+    return loss.item()
+
+def beginners(learning_rate=2e-3):
+    torch.manual_seed(0)
+    online = QNetwork(see.side)
+    optimiser = torch.optim.Adam(online.parameters(), learning_rate, eps=1e-7, amsgrad=True)
+    return online, copy.deepcopy(online), optimiser
+
+# %% [markdown]
+# Try it on the random steps, and break it: the second time every flight seems to go on after its
+# last step, because `ended` is forgotten. What is *landing* worth at the start of a mission? It
+# brings nothing, so it should be 0.
 
 # %%
 from dataclasses import replace
 
-from uavdh_lite.recipe import find_recipe
-from uavdh_lite.scenario import find_scenario
-
-def train(**changes):
-    trainer = Trainer(find_scenario("village"), replace(find_recipe("small"), **changes), seed=0)
-    trainer.validate()
-    while not trainer.finished:
-        if trainer.advance():  # a step and, now and then, a validation
-            print(f"{trainer.steps:,} of {trainer.recipe.steps:,} steps", flush=True)
-    return trainer
-
-# %%
-trainer = train()
-print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
+starts = VILLAGE.sample(environment, 100, np.random.default_rng(1))
+for name in ("as it is", "the end forgotten"):
+    online, target, optimiser = beginners()
+    generator = np.random.default_rng(0)
+    for _ in range(400):
+        batch = memory.sample(64, generator)
+        if name != "as it is":
+            batch = (*batch[:3], replace(batch[3], landed=False & batch[3].landed,
+                                         time_left=np.maximum(batch[3].time_left, 1)))
+        update(online, target, optimiser, batch, Settings(target_rate=0.05))
+    land, hover = q_values_of(online)(starts)[:, [5, 4]].mean(0)
+    print(f"{name:<18} landing is worth {land:5.2f}, hovering {hover:5.2f}")
 
 # %% [markdown]
-# Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions
-# that are always the same, and always takes the best action, without exploring (eq. 9). Validation
-# also decides which version of the agent a run keeps: the one with the best score. Such a choice is
-# partly luck, and the largest of many scores is on average too high, like the maximum in 6.5.
-# Therefore the final score of an agent comes from a third set of missions, the *test*. The sets for
-# training, validation and test have no mission in common. In validation and test, a *seed*, the
-# number that starts the stream of random numbers, makes every agent fly the same missions.
+# With the end, landing is worth about nothing. Without it, landing is worth as much as going on,
+# and no such agent has a reason to stay away, or to come home.
+#
+# ## 7.3 How good is it?
+#
+# In a **validation** the agent flies missions that are always the same and always takes the best
+# action (eq. 9). Watch *collected and landed*, the share of the data that came home.
 
 # %%
-def draw(ax, rows, title):
-    for name, style in (("collected", "C0--"), ("collected_and_landed", "C1-"), ("landed", "C2^:")):
-        shares = [row[name] for row in rows]
-        ax.plot([row["steps"] for row in rows], shares, style, label=name.replace("_", " "))
-    ax.set(title=title, xlabel="steps", ylabel="share", ylim=(-0.03, 1.03))
-    ax.legend(fontsize="small")
+def evaluate(network, missions=100):
+    generator = np.random.default_rng(7)
+    state = VILLAGE.sample(environment, missions, generator)
+    while not state.ended.all():
+        best = q_values_of(network)(state).argmax(axis=1)
+        state, _ = environment.step(state, best, generator)
+    return state.landed.mean(), (state.collected * state.landed).mean()
 
-figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
-draw(ax, trainer.validation_rows, "the village")
+print("untrained: landed {:.0%}, collected and landed {:.0%}".format(*evaluate(beginners()[0])))
 
 # %% [markdown]
-# Most untrained agents (step 0) bring nothing home. This one waits near the start and then lands,
-# which in so small a village brings in nearly half the data. Therefore judge a curve, above all
-# that of **collected and landed**, not by where it starts but by how far it rises. To see
-# a network learn here while you turn its dials, open the lab *Train* (`python -m uavdh_lite app`).
+# Three sets of missions are kept apart: those of training, those of validation, by which one chooses
+# which version of an agent to keep, and those of the *test*, for what one reports. The best of many
+# validations is partly luck, like the maximum in 6.5.
+#
+# ## 7.4 The loop
+#
+# Now everything comes together. The agent makes its own data: a bad agent learns from bad flights,
+# and a good one from good flights.
+#
+# ```text
+#   act (eq. 10) ──▶ step ──▶ remember ──▶ draw a minibatch ──▶ update ──┐
+#    ▲                                                                   │
+#    └──────────────── the network now knows a little more ◀────────────┘
+# ```
+#
+# All constants are in `settings`, and each is read anew in every round, so a knob that you turn acts
+# at once. One departs from the authors' code and decides everything: **the price of a crash** grows
+# from 5 to 20, whereas there it is 150 from the start. You'll see why.
 
 # %%
-last = trainer.validation_rows[-1]
-assert last["collected_and_landed"] > 0.6
-print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_landed']:.0%}")
-
-# %% [markdown]
-# ## 7.3 Reading the curves of a real run
-#
-# Below are the curves of the run that produced the agent of the course, averaged over bins of 5000
-# steps. They show *training* flights, in which the agent explores. Half of the training flights
-# begin in mid-air, so that the agent practises the way home; those are left out of the figure.
+async def training(settings, live, seed=0):
+    generator = np.random.default_rng(seed)
+    online, target, optimiser = beginners()
+    memory = Memory(settings.memory, settings.uavs)
+    state = VILLAGE.sample(environment, settings.uavs, generator)
+    for step in range(0, settings.steps, settings.uavs):
+        learning = step >= settings.prefill
+        # Act, at random at first
+        action = generator.integers(0, 6, settings.uavs)
+        if learning:
+            q = torch.from_numpy(q_values_of(online)(state))
+            action = softmax_policy(q, settings.temperature, generator)
+        # Step, all at once
+        after, outcome = environment.step(state, action, generator)
+        reward = Rewards(crash=-settings.crash(step))(outcome)
+        # Remember, and begin new missions where one has ended
+        memory.capacity = settings.memory
+        memory.add(state, action, reward, after)
+        ended = np.flatnonzero(after.ended)
+        state = after.with_rows(ended, VILLAGE.sample(environment, len(ended), generator))
+        # Learn
+        if learning:
+            optimiser.param_groups[0]["lr"] = settings.learning_rate * (1 - step / settings.steps)
+            update(online, target, optimiser, memory.sample(settings.batch, generator), settings)
+        # Show
+        due = (step + settings.uavs) % 4800 == 0
+        await live.show(step + settings.uavs, q_values_of(online), *(evaluate(online) if due else ()))
+    return online
 
 # %%
-from uavdh_lite.storage import data_folder, read_table
-
-def curves(study, variant, seed):
-    table = read_table(data_folder() / f"runs/{study}-training.csv.gz")
-    rows = (table["variant"] == variant) & (table["seed"] == seed)
-    return {column: values[rows] for column, values in table.items()}
-
-run = curves("ddqn-manhattan", "lite", 0)
-figure, axes = plt.subplots(2, 2, figsize=(8, 4.4), layout="constrained")
-for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
-    ax.plot(run["steps"] / 1e6, run[name], lw=0.8)
-    ax.set(ylabel=name, xlabel="million steps")
+settings = Settings(steps=96_000)
+live = Live(settings, environment, missions)
+yours = await training(settings, live)
 
 # %% [markdown]
-# During this run the cost of a crash grew from 10 to 150 units, but the curve of the return counts
-# every crash as 150.
+# The left side is the curve: each point is 100 missions without exploring. The right side is one
+# mission, flown by the agent of that moment: violet ground is hidden from a device, arrows are the
+# flight, and the grey ones show what the agent would do from each cell.
 #
-# At first the agent learns to land. Then **collected** rises while **landed** and the **return**
-# fall sharply, because the agent flies farther, and exploring makes it late. Later both recover,
-# mainly because the agent explores less: of its flights without exploration between 200,000 and
-# 500,000 steps, when a crash still cost less than 30 units, 98 % ended with a landing.
+# You have trained an agent. It is *your agent*, and it comes along to the end of the course:
+
+# %%
+from uavdh_lite.agent import Agent
+from uavdh_lite.checkpoint import save_agent
+from uavdh_lite.evaluation import fly
+from uavdh_lite.observation import Observation
+from uavdh_lite.player import play
+from uavdh_lite.recipe import SMALL
+
+agent = Agent(yours, Observation(environment), SMALL, VILLAGE, {"made in": "notebook 7"})
+save_agent("my_agent.safetensors", agent)
+
+# %%
+flights = fly(environment, agent, missions, np.random.default_rng(3))
+play(environment, flights.trajectory(1))
+
+# %% [markdown]
+# ## 7.5 Predict, turn, see
 #
-# Many people look at the **loss** first, but the loss tells you least. In notebook 5 the examples
-# were fixed, so a falling loss meant better answers to them. Here the loss measures how far the
-# Q-values are from their targets, and the targets move with the network. An agent that lands at
-# once may have the same loss as one that collects half of the data. In this run the loss rises for
-# a while as the agent collects more, perhaps because a bolder agent has more to predict, or because
-# each crash costs more.
+# Run the training cell again, and turn one knob at a time, the sooner the better. (Knobs act while a
+# cell runs if the kernel passes their messages on, as ipykernel 7.4 does. With another kernel, set
+# the field in the training cell instead, such as `settings.temperature = 1000`.) **Write your guess
+# down first.**
 #
-# Test flights tell more: at the start of 1000 missions our agent's largest Q-value is 20.7 on
-# average, and the discounted rewards that then come in (with steps costing 0.1 units, as in
-# training) add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
-#
-# What if the score falls late in a run? First look at the other seeds and the next validations,
-# because a single dip is often chance. Then compare Q-values and rewards: if the Q-values are far
-# too large, they are diverging (6.3). If not, see what was changing when the score fell (β, the
-# learning rate, the cost of a crash), and whether the memory still holds enough different flights.
-#
-# If the learning rate is far too large, the score does not rise, whatever the seed, and the
-# Q-values swing; if it is far too small, Q-values and score hardly move. The loss may grow in
-# either case.
-#
-# ## 7.4 Two ways to fail
-#
-# What happens if the penalty for a crash is too large, and what if there is none? Predict the first
-# case:
+# 1. *Price of a crash: 150.* What will `landed` do, and what the other curve?
+# 2. *Price of a crash: 0.* Will it still come home?
+# 3. *Target network: frozen*, after some 10,000 steps. What happens to what it has learned?
+# 4. *Memory: 320*, the last twenty steps of each UAV. What does a small memory lack (6.2)?
+# 5. *Temperature: 1000*. Now it flies at random. Does it still learn?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -208,121 +278,85 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# **The lazy agent.** What if a crash costs 150 units from the start? The next cell compares such a
-# recipe with `lite`, in which the cost begins at 10, by three recorded runs of each. Each run has
-# only 300,000 steps, so whatever changes during a run changes faster than in longer runs.
+# <details><summary>What we saw</summary>
+#
+# TASKS
+# </details>
+#
+# Ten steps ahead a price of 20 counts only $20\cdot0.95^{10}\approx12$, less than a device may hold,
+# so the price must be high in the end; and low at first, because an agent that has only ever seen
+# crashes concludes that it is best to stay at home. The **lazy agent** is the most common failure in
+# this project, and its loss is small: it lands at once, and is always right about what that brings.
+#
+# Why does the agent without a price not come home, although flying home costs it nothing once all
+# data is collected? Landing now instead of hovering until the end saves 0.2 units a step: with all
+# data gone, going home *is* best everywhere. But the differences between the actions are a few tenths
+# of a unit, and a network that is wrong by more than that cannot tell them apart (4.2).
+#
+# ## 7.6 Reading the curves of a long run
+#
+# Over Manhattan it takes hours. Here are the curves of one run of the recipe `lite`, the means of
+# training flights, in which the agent explores:
 
 # %%
-study = read_table(data_folder() / "runs/deviations-manhattan.csv.gz")
-names = {"all": "10, later 150", "without_crash_reward": "150 from the start"}  # lite, paper
-for variant, crash in names.items():
-    rows = (study["variant"] == variant) & (study["steps"] == study["steps"].max())
-    for name in ("landed", "collected_and_landed"):
-        print(f"{crash:<20}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
+from uavdh_lite.storage import data_folder, read_table
+
+table = read_table(data_folder() / "runs/ddqn-manhattan-training.csv.gz")
+run = {name: column[table["seed"] == 0] for name, column in table.items()}
+figure, axes = plt.subplots(1, 4, figsize=(10, 2.3), layout="constrained")
+for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
+    ax.plot(run["steps"] / 1e6, run[name], lw=0.8)
+    ax.set(title=name, xlabel="million steps")
 
 # %% [markdown]
-# With the large penalty all three agents nearly always land, but they leave most of the data where
-# it is.
-# The paper's method has the same penalty and gets past this stage, as 7.5 shows.
+# At first the agent learns to land. Then **collected** rises while **landed** and the **return** fall,
+# because it flies farther, and exploring makes it late. Later both recover.
 #
-# **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home.
-# Try this in the village:
-
-# %%
-crashing = train(crash_reward=0.0, crash_reward_end=0.0, steps=16_000, validation_interval=4000)
-assert crashing.validation_rows[-1]["collected_and_landed"] < 0.5
-figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
-draw(ax, crashing.validation_rows, "a crash costs nothing")
-
-# %% [markdown]
-# The agent collects data but brings hardly any home. With `steps=48_000`, it collects nearly
-# everything but still does not land, because landing earns it too little. The reward was wrong.
+# Many people look at the **loss** first, but it tells you least. In notebook 5 the right answers were
+# fixed, so a falling loss meant better answers. Here the targets move with the network: a lazy agent
+# has a small loss, and a bolder one has more to predict. Look at *landed*, *collected* and the time
+# used together; if the Q-values are far above what then comes in, they diverge (6.3); and look at
+# other seeds, because a single dip is often chance. [My agent does not
+# learn](../docs/tutorials/does_not_learn.md) is a checklist.
 #
-# What if an agent hovers in one place until its time is up? Print its Q-values there (0.6). If they
-# are almost equal, the agent cannot yet tell the actions apart. If the value of flying on is too
-# low, the agent has explored too little or fears crashing too much. If the values are right,
-# hovering is what the reward pays for.
-#
-# Could a bonus for every step towards home help? If coming nearer is rewarded and going away costs
-# nothing, the agent can earn the bonus again and again by flying to and fro (**reward hacking**). A
-# safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on the state alone
-# and is 0 after the end of the episode. This bonus is paid as the agent approaches a place and
-# taken back as it leaves, so the best policy stays the same. This is **potential-based shaping**
-# (Ng, Harada and Russell, 1999).
-#
-# How large must the crash penalty be? Ten steps ahead, a penalty of 20 units counts only $20 \cdot
-# 0.95^{10} \approx 12$, less than the 15 units that a device in the village may hold, so collecting
-# them and then crashing can pay. A penalty of 150 still counts 90.
-#
-# What if *every* reward were ten times as large? The best policy would be the same, but $\beta$ and
-# the Huber loss would need scaling, too. Otherwise the agent would hardly explore, and more errors
-# would lie in the straight part of the loss.
-#
-# ## 7.5 Two recipes
-#
-# The two recipes in this section share centred maps, the softmax policy, double Q-learning, the
-# soft update with τ = 0.005, combined replay and γ = 0.95. `plain` is the paper's method with
-# nothing added, but with a network small enough for an ordinary processor. `lite` is our own
-# recipe, used to train the agent of this course. `docs/project/differences_from_the_paper.md` lists
-# all changes in `lite`. Four of them show the idea:
-#
-# | in `lite` | what it is for |
-# | --- | --- |
-# | 32 UAVs fly side by side | more flights for each update |
-# | three rewards before the Q-value in the target | news spreads faster |
-# | $\beta$ from 2 to 0.1 | explore first, refine later |
-# | crash reward from −10 to −150 | first fly far, then land in time |
-#
-# With three rewards before its Q-value, the target is a *three-step return*:
+# `lite` strengthens the method for such a city. Four of its changes show the idea: 32 UAVs side by
+# side; a temperature that falls from 2 to 0.1; a price of a crash that grows from 10 to 150; and
+# targets with three rewards before the Q-value, a *three-step return*, so that news spreads faster:
 #
 # $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
 #
-# If the episode ends within these steps, the sum ends there, without a $Q$.
+# (If the episode ends within them, the sum ends there. The price: the second and third rewards were
+# earned by an older agent that explored, so the target is a little too low.) The recipe `plain` is the
+# paper's method with nothing added but a network that a processor can afford.
 #
-# News spreads faster, but there is a price. In 6.1 the target asked for the *best* next action,
-# whichever was taken. Here the second and third rewards were earned by an older agent that was
-# exploring, so the target is a little too low on average. Strictly speaking, such a target is right
-# only for flights that the present agent makes without exploring. (A *Monte Carlo* target takes all
-# rewards to the end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
+# ## 7.7 All of it in one file
 #
-# `lite` also halves the cost of a step, to 0.1 units. Short runs over Manhattan collected and
-# landed as much with 0.2, and used less time ([the page on the recipe](../docs/results/recipe.md)).
+# What you wrote stands, under the same names, in
+# [uavdh_lite/one_file.py](../uavdh_lite/one_file.py), 250 lines. `python -m uavdh_lite.one_file`
+# trains in a terminal; a project or a thesis can start from a copy.
 #
-# The **paper's method** makes an update for every step, once its memory holds 25,000 random steps.
-# The picture shows *training* flights from three runs of each recipe.
-
-# %%
-figure, ax = plt.subplots(figsize=(5.5, 2.6), layout="constrained")
-for study, variant, colour in (("centring_plain", "centred", "C1"), ("ddqn", "lite", "C0")):
-    runs = [curves(f"{study}-manhattan", variant, seed) for seed in range(3)]
-    for run in runs:
-        ax.semilogx(run["steps"], run["collected_and_landed"], colour, lw=0.7)
-    steps, updates = runs[0]["steps"].max(), runs[0]["updates"].max()
-    print(f"{study}: {steps:,.0f} steps with {updates:,.0f} updates")
-ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
-       ylabel="collected and landed");
-
-# %% [markdown]
-# In the picture, `plain` improves after fewer steps than `lite`. But `plain` makes many more
-# updates per step, and it explores less, because β is 0.1 throughout. The picture therefore
-# compares steps, not work.
+# | name | what it is | written in | paper |
+# | --- | --- | --- | --- |
+# | `CentredMap` | what the network sees | 4.2 | III-C |
+# | `QNetwork` | what each action is worth | 5.7 | Fig. 2 |
+# | `softmax_policy` | draws actions | 6.4 | eq. 10 |
+# | `double_target` | what the network should have said | 6.5 | eq. 8 |
+# | `Memory` | what happened | 7.1 | III-B |
+# | `update` | a step downhill; the target network follows | 6.3, 7.2 | eq. 7 |
+# | `evaluate` | missions without exploring | 7.3 | eq. 9 |
+# | `train` | the loop | 7.4 | Alg. in III |
 #
 # ## Recap
 #
-# - Training is a loop: act, step, add, sample, update. The agent makes its own data.
-# - In a validation the agent flies missions that training never uses, and always takes the best
-#   action.
-# - Look at **landed** and **collected** together. The loss tells you least.
-# - With a large crash penalty from the start, an agent may become lazy, and without one it has
-#   hardly any reason to come home.
+# - Training is a loop: act, step, remember, draw, update. The agent makes its own data.
+# - A validation flies missions that training never uses, and always takes the best action.
+# - Look at *landed* and *collected* together. The loss tells you least.
+# - A price of a crash that is large from the start makes an agent lazy; without one it has hardly any
+#   reason to come home.
 #
 # ## Exercises
 #
-# The [exercises of this notebook](exercises/07_training/07_training.ipynb) come with checks and
-# hints. In exercise 7.1 you build a DQN of your own, which with enough rounds nearly matches
-# greedy.
-#
-# Agents often do not learn at first. [My agent does not learn](../docs/tutorials/does_not_learn.md)
-# says what to look at, and in which order.
+# The [exercises of this notebook](exercises/07_training/07_training.ipynb) change your loop: a
+# dueling head, three-step returns, a bug to find.
 #
 # Further reading: Henderson et al., *Deep Reinforcement Learning that Matters*, 2018.

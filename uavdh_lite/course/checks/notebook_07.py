@@ -1,125 +1,90 @@
-"""Exercises of notebook 7, training."""
+"""Exercises of notebook 7: another network, other targets, a diagnosis, bugs to find."""
 
 import itertools
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
 
-from uavdh_lite.city import load_cities
+from uavdh_lite.city import load_city
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise
-from uavdh_lite.course.checks.learning import Watched
-from uavdh_lite.course.checks.values import show
-from uavdh_lite.course.given import MAY_CHANGE, REWARDS, ROUNDS, RUNS
-from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import FunctionPolicy, Policy, evaluate
-from uavdh_lite.planners import Random
-from uavdh_lite.recipe import SMALL, Recipe
+from uavdh_lite.environment import LAND, Environment, Rewards
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
-from uavdh_lite.training import Trainer
 
-LEAST_LEAD = 0.2  # over random, in collected and landed
-NOT_CHECKED = (
-    "Not checked: whether y is the double target, whether the target network follows with τ = "
-    "0.02, and whether each minibatch has the newest step. Compare your loop, line by line, with "
-    "the page “The algorithm on one page”."
+
+def dueling_values(head, inputs, count):
+    """What a head with given weights says of so many rows of inputs, (count, 6)."""
+    one, generator = head(inputs), stream(Use.EXERCISE, inputs)
+    for name, outputs in (("value", 1), ("advantage", 6)):
+        layer = getattr(one, name, None)
+        if not isinstance(layer, torch.nn.Linear) or layer.weight.shape != (outputs, inputs):
+            asked = f"nn.Linear({inputs}, {outputs})"
+            raise CheckFailed(f"For {inputs} inputs self.{name} must be {asked}.", seen=False)
+        with torch.no_grad():
+            for weights in layer.parameters():
+                weights.copy_(torch.tensor(generator.normal(0, 1, weights.shape)))
+    return one(torch.tensor(generator.normal(0, 1, (count, inputs))).float()).detach().numpy()
+
+
+def dueling(join):
+    """A head whose Q-values are `join(value, advantage)`."""
+
+    class Head(torch.nn.Module):
+        def __init__(self, inputs):
+            super().__init__()
+            self.value = torch.nn.Linear(inputs, 1)
+            self.advantage = torch.nn.Linear(inputs, 6)
+
+        def forward(self, features):
+            return join(self.value(features), self.advantage(features))
+
+    return Head
+
+
+Head = dueling(lambda v, a: v + a - a.mean(1, keepdim=True))
+
+
+@exercise(
+    "7.1 · A dueling head (3 points, 20 minutes)",
+    rules={
+        "For each row Q is the value plus the advantages, less their mean over the six actions.": [
+            (3, 1), (8, 1),
+        ],
+        "Each row has its own value and its own mean: `mean(1, keepdim=True)`.": [(3, 2), (8, 5)],
+    },
+    mistakes={
+        "The mean of the advantages is not taken away. Then value and advantage are not apart: "
+        "what is added to one may be taken from the other.": dueling(lambda v, a: v + a),
+        "That takes away the largest advantage; asked is the mean.": (
+            dueling(lambda v, a: v + a - a.amax(1, keepdim=True))
+        ),
+        "The mean runs over the batch: it must run over the actions, dim=1.": (
+            dueling(lambda v, a: v + a - a.mean(0, keepdim=True))
+        ),
+    },
+    takes=type,
+    ask=dueling_values,
+    call=lambda inputs, count: f"Head({inputs}), asked about {count} rows,",
+    tolerance=1e-4,
+    smallest=1e-5,
 )
-SOON = 2.0  # the best Q-value of a start, if nothing but the next reward counts: it is below 1
-
-
-class Flown(Environment):
-    """An environment that does not fly on when all missions have ended."""
-
-    def step(self, state, action, generator):
-        if state.ended.all():
-            raise CheckFailed(
-                f"All {len(state)} missions have ended, and their UAVs are flown on. Where one has "
-                "ended, begin another: `states.with_rows(places, new_states)`."
-            )
-        return super().step(state, action, generator)
-
-
-def flown(policy: Policy) -> tuple[dict[str, float], str]:
-    """The means of a policy over 500 test missions of the village, and what is said of them."""
-    environment, scenario = Environment(load_cities("village")), find_scenario("village")
-    records = evaluate(environment, policy, scenario, 500, seed=0).records()
-    means = {name: float(values.mean()) for name, values in records.items()}
-    names = ("landed", "collected", "time_used", "collected_and_landed")
-    return means, ", ".join(f"{name} {means[name]:.1%}" for name in names).replace("_", " ")
-
-
-def wrong_training(train) -> str:
-    """What is wrong with an agent that an answer trains, after 500 test missions of the village."""
-    scenario, environment = find_scenario("village"), Flown(load_cities("village"))
-    print(f"Training for {ROUNDS:,} rounds, about half a minute …", flush=True)
-    torch.manual_seed(0)
-    torch.set_num_threads(1)  # quicker, as the network is small
-    with Watched() as watched:
-        q_values = train(environment, scenario, REWARDS, ROUNDS, stream(Use.EXERCISE, 0))
-    if not callable(q_values):
-        return f"Return a function q_values(state). You returned {show(q_values)}."
-    if not watched.updates:
-        return "Nothing was trained: `loss.backward()` was never called."
-    q = q_values(scenario.sample(environment, 100, stream(Use.EXERCISE, 1)))
-    if np.shape(q) != (100, 6):
-        return f"For 100 states q_values gives {show(q)}, not a tensor of shape (100, 6)."
-    if not torch.isfinite(q).all():
-        return "The Q-values are not finite: they have exploded. Is y made by the target network?"
-    best = float(q.detach().amax(1).mean())
-    hover, land = q.detach().mean(0)[-2:].tolist()  # of the starts, where landing is allowed
-    endless = best > SOON and land > 0.75 * hover
-
-    own, said = flown(FunctionPolicy(lambda s: q_values(s).detach().argmax(1).numpy()))
-    chance = flown(Random(0))[0]["collected_and_landed"]
-    print(f"{said}; random: {chance:.0%}")
-    enough = own["collected_and_landed"] >= chance + LEAST_LEAD
-    if enough and not endless and watched.lags is not False:
-        print(NOT_CHECKED)
-        return ""
-    why = "Your agent collects but does not come home: is y the reward alone where it crashed?"
-    if own["landed"] > 0.8:
-        why = "Your agent lands but hardly collects: is β large at first, is every action tried?"
-    if best < SOON:
-        why = (
-            f"To your agent the best first action is worth {best:.1f}, hardly more than the next "
-            "reward. Does the target network follow the online one in each round, and is γ 0.95?"
-        )
-    if endless:
-        why = (
-            f"At the start of a mission `land` is worth {land:.1f} to your agent, as if the flight "
-            f"went on (`hover`: {hover:.1f}). Where an episode ended, y must be the reward alone."
-        )
-    if watched.lags is False:
-        why = (
-            "The weights that learn also make y: no network that lags behind was ever asked. "
-            "Begin with `target = copy.deepcopy(online)`, let it follow slowly, and let it judge."
-        )
-    if watched.ends is False:
-        why = (
-            "In no minibatch did an episode end. Store the next state as `step` gave it, before a "
-            "new mission takes its place."
-        )
-    if enough:
-        return f"{said}. That is enough, but the learning is wrong. {why}"
-    asked = f"Random flying has {chance:.0%} collected and landed, and at least 20 points more"
-    return f"{said}. {asked}, {chance + LEAST_LEAD:.0%}, are required. {why}"
-
-
-@exercise("7.1 · Your own DQN flies the village (6 points, 70 minutes)", also=wrong_training)
-def village_dqn(environment, scenario, rewards, rounds, generator):
-    """`train(environment, scenario, rewards, rounds, generator)`: a function of states, Q-values.
-
-    Here the library's own trainer; the exercise asks for one made of the answers of notebook 6.
-    """
-    recipe = replace(SMALL, steps=rounds * SMALL.environments)
-    trainer = Trainer(scenario, recipe, 0, environment.city)
-    while not trainer.finished:
-        trainer.step()
-    return trainer.agent.q_values
+class dueling_head(Head):
+    """The class `Head(inputs)`: Q-values, (B, 6), from features, (B, inputs)."""
 
 
 # Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
+RUNS = {
+    "all-0-300": (0.991, 0.916, 0.804),
+    "without_return_steps-0-300": (0.958, 0.715, 0.948),
+    "without_crash_reward-0-300": (0.995, 0.186, 0.410),
+    "without_learning_rate-0-100": (0.516, 0.334, 0.706),
+    "without_input_scales-1-100": (0.834, 0.552, 0.502),
+    "without_temperature-0-300": (0.982, 0.943, 0.844),
+    "without_crash_reward-0-100": (1.000, 0.125, 0.231),
+    "without_layer_norm-0-100": (0.980, 0.255, 0.442),
+    "without_learning_rate-0-300": (0.989, 0.596, 0.866),
+}
 # The recorded runs, and all that is at a limit, a little off it, or far from it
 NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in (0.9, 0.8, 0.25)]
 AGENTS = [*RUNS.values(), *itertools.product(*NEAR)]
@@ -208,47 +173,80 @@ def n_step_return(rewards, terminals, values, n, discount):
     return total + float(discount**m * values[m])
 
 
-LAZY = replace(
-    SMALL,
-    name="lazy",
-    steps=20_000,
-    crash_reward=-150.0,
-    crash_reward_end=-150.0,
-    huber_delta=None,
-    temperature=0.1,
-    temperature_end=0.1,
-    temperature_decay=0.25,
-    exploring_starts=0.0,
+def round_of(one_round, kind, seed):
+    """Of one round of four UAVs: what is stored, what goes on and what was begun.
+
+    A row each: the time left in the stored next state and in the one that goes on, whether they
+    ended, and the reward.
+    """
+    environment, scenario = Environment(load_city("village")), find_scenario("village")
+    generator, memory, begun = np.random.default_rng(seed), [], []
+    state = scenario.sample(environment, 4, generator)
+    action = np.full(4, LAND) if kind == "land" else np.array([1, 2, 1, 2])
+    if kind == "mixed":
+        action[0] = LAND
+    times = {"land": [9, 9, 9, 9], "crash": [1, 1, 1, 1], "mixed": [9, 1, 9, 9]}
+    state = replace(state, time_left=np.array(times.get(kind, [9, 8, 7, 6]), np.int16))
+
+    def begin(count):
+        begun.append(count)
+        return scenario.sample(environment, count, generator)
+
+    after = one_round(environment, state, action, memory, begin, generator)
+    if not hasattr(after, "time_left"):
+        raise CheckFailed("Return the state with which the next round begins.", seen=False)
+    if len(memory) != 1 or len(memory[0]) != 4:
+        raise CheckFailed("One round appends one tuple (s, a, r, s') to the memory.", seen=False)
+    stored = memory[0][3]
+    if not np.array_equal(memory[0][0].time_left, state.time_left):
+        raise CheckFailed("The first state of the tuple must be that before the step.", seen=False)
+    rows = [stored.time_left, stored.ended, after.time_left, after.ended, memory[0][2]]
+    return np.stack([np.asarray(row, float) for row in rows])
+
+
+def rounds(ended="both", early=False, stays=False):
+    """A round of the loop, with a fault."""
+
+    def one_round(environment, state, action, memory, begin, generator):
+        after, outcome = environment.step(state, action, generator)
+        over = {"both": after.ended, "landed": after.landed, "crashed": after.time_left <= 0}[ended]
+        over = np.flatnonzero(over)
+        following = after.with_rows(over, begin(len(over)))
+        stored = following if early else after
+        memory.append((state, action, Rewards(crash=-20.0)(outcome), stored))
+        return state if stays else following
+
+    return one_round
+
+
+@exercise(
+    "7.4 · The loop that never lands (3 points, 20 minutes)",
+    rules={
+        "The memory gets the state after the step, and the round returns the state from which the "
+        "next one goes on: the same, if no flight has ended.": [("fly", 0), ("fly", 1)],
+        "Where a flight has ended, the memory must hold the state as `step` gave it. If the new "
+        "mission takes its place first, no stored step ever ends.": [("land", 2)],
+        "A flight ends by landing *or* when the time is up; `after.ended` says both. In either "
+        "case a new mission begins.": [("crash", 3), ("mixed", 4), ("mixed", 5)],
+    },
+    mistakes={
+        "The new missions are put in before the step is stored: then no stored step ever ends, and "
+        "y is never the reward alone.": rounds(early=True),
+        "Only UAVs that landed begin anew. A crashed one stays where it is for ever.": (
+            rounds("landed")
+        ),
+        "The round returns the state before the step, so every round flies the same step.": (
+            rounds(stays=True)
+        ),
+    },
+    ask=round_of,
+    call=lambda kind, seed: (
+        f"Where the UAVs {kind if kind != 'mixed' else 'land, crash and fly on'}: time left and "
+        "end in the stored s', the same in what goes on, and the reward [row, UAV]"
+    ),
+    tolerance=1e-4,
+    smallest=1e-5,
 )
-MOST_STEPS, LEAST_PENALTY, LEAST_SCORE = 24_000, -40.0, 0.35
-def wrong_recipe(recipe: Recipe) -> str:
-    """What is wrong with a recipe; it trains an agent and flies 500 test missions."""
-    changed = {f.name for f in fields(Recipe) if getattr(recipe, f.name) != getattr(LAZY, f.name)}
-    if fixed := sorted(changed - {*MAY_CHANGE, "name"}):
-        return f"{fixed[0]} must stay {getattr(LAZY, fixed[0])}: start from replace(lazy, …)."
-    if recipe.steps > MOST_STEPS:
-        return f"{recipe.steps:,} steps: at most {MOST_STEPS:,} are allowed."
-    if recipe.crash_reward_end > LEAST_PENALTY or recipe.crash_reward > 0:
-        return f"A crash must cost at least {-LEAST_PENALTY:g} at the end, and never be rewarded."
-    if not changed - {"name"}:
-        return "That is the lazy recipe, unchanged: its agent lands far too early."
-    print(f"Training for {recipe.steps:,} steps, about half a minute …", flush=True)
-    torch.set_num_threads(1)  # quicker, as the network is small
-    trainer = Trainer(find_scenario("village"), recipe, 0)
-    while not trainer.finished:
-        trainer.step()
-    means, said = flown(trainer.agent)
-    print(said)
-    if means["collected_and_landed"] >= LEAST_SCORE:
-        return ""
-    why = "Let it explore more at first, use all the steps, and raise the cost of a crash early."
-    if recipe.crash_reward < -20:
-        why = "A crash costs too much from the start: begin with a small cost and let it grow."
-    elif recipe.crash_reward_end < 1.5 * LEAST_PENALTY:
-        why = f"At the end the cost of a crash drowns out all else: {LEAST_PENALTY:g} is enough."
-    return f"{said}; at least {LEAST_SCORE:.0%} collected and landed are required. {why}"
-
-
-@exercise("7.4 · Mend a lazy agent (4 points, 20 minutes)", takes=Recipe, also=wrong_recipe)
-def mended_recipe():
-    """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""
+def mended_round(environment, state, action, memory, begin, generator):
+    """`one_round(environment, state, action, memory, begin, generator)`: the next state."""
+    return rounds()(environment, state, action, memory, begin, generator)
