@@ -1,21 +1,16 @@
 """Wrong answers to the exercises, and what must be said of each: a part of the rule or mistake."""
 
-import copy
 import math
-import random
-from itertools import combinations, islice, zip_longest
+from itertools import combinations, islice
 
 import numpy as np
 import torch
-from mutants import SCRIPTS
 from torch import nn
 
 from uavdh_lite.course import checks
-from uavdh_lite.course.small_city import learn_network, learn_table
-from uavdh_lite.ddqn import softmax_policy
+from uavdh_lite.course.checks.notebook_06 import made
+from uavdh_lite.course.checks.notebook_07 import dueling, rounds
 from uavdh_lite.environment import MOVES
-from uavdh_lite.planners import Greedy
-from uavdh_lite.replay import Replay
 
 
 def inside(start, end, cell):
@@ -220,118 +215,8 @@ def _value_after_the_end(rewards, terminals, values, n, discount):
     return total + discount ** (k + 1) * values[k + 1]
 
 
-def table_learner(
-    best=np.max, end=None, entry=lambda a: a, stale=False, move=None, cut=9**9, fall=1, **fixed
-):
-    """Q-learning with another idea of what the next cell is worth, or of when nothing follows, with
-    another entry that learns, another move that is flown, a cut, or with a constant fixed."""
-
-    def learn(step, start, flights, gamma, alpha, generator):
-        case = {"start": start, "flights": flights, "gamma": gamma, "alpha": alpha} | fixed
-        q = np.zeros((4, 4, 4))
-        for _ in range(case["flights"]):
-            cell, ended, judge = case["start"], False, q.copy() if stale else q
-            left = cut
-            while left and (cell != (0, 3) if move == "on" else not ended):
-                left -= 1
-                action = move(generator) if callable(move) else move
-                if move in (None, "on"):
-                    action = generator.integers(4)
-                after, reward, ended = step(cell, action)
-                last = end(reward) if end else ended
-                y = reward + (not last) * case["gamma"] * best(judge[after])
-                place = entry(action)
-                q[cell][place] += case["alpha"] * (y - q[cell][place])
-                cell = after
-            case["alpha"] *= fall
-        return q
-
-    return learn
-
-
-def network_learner(gamma=None, tau=None, change=None):
-    """What a network learns with a fault: a fixed γ or τ, or other steps than those handed in."""
-
-    def learn(memory, given, *rest):
-        rows = memory.clone()
-        if change:
-            change(rows)
-        if tau is None:
-            return checks.learned_network.solution(rows, gamma or given, *rest[-1:])
-        return learn_network(rows, gamma or given, tau(rest[0]), rest[-1])[0]
-
-    return learn
-
-
-def column(k, value):
-    """Sets a column of the steps; `value` is made of the rewards."""
-    return lambda rows: rows[:, k].copy_(value(rows[:, 3]))
-
-
-class Misspelt(nn.Module):
-    def foward(self, cells):
-        return cells
-
-
-def trained(fault):
-    """A network that is trained with a fault, for 6.2 and, with τ, for 6.4."""
-
-    def learn(memory, gamma, *rest):
-        *tau, updates = rest
-        online = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
-        target = copy.deepcopy(online) if tau else online
-        if fault == "fresh":
-            target = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
-        learning = online[2] if fault == "part" else online
-        optimiser = torch.optim.Adam(learning.parameters(), lr=0.01)
-        for _ in range(updates):
-            batch = memory[torch.randint(len(memory), (32,))]
-            cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
-            with torch.set_grad_enabled(fault == "gradient"):
-                following = cell if fault == "cell" else after
-                judged = target(following)
-                if fault == "clipped":
-                    judged = torch.minimum(judged, online(following))
-                y = reward + gamma * (1 - ended) * judged.amax(1, keepdim=True)
-            q = online(cell).gather(1, action.long())
-            if fault in ("all", "largest"):
-                q = online(cell) if fault == "all" else online(cell).amax(1, keepdim=True)
-                y = y.expand_as(q)
-            mean_loss = nn.functional.l1_loss if fault == "sizes" else nn.functional.mse_loss
-            loss = mean_loss(q[:, 0] if fault == "shape" else q, y)
-            if fault != "slopes":
-                optimiser.zero_grad()
-            loss.backward()
-            if fault == "cleared":
-                optimiser.zero_grad()
-            if fault != "step":
-                optimiser.step()
-            for old, new in zip(target.parameters(), online.parameters(), strict=True):
-                if fault == "in place":
-                    old.lerp_(new, *tau)
-                elif tau and fault != "never":
-                    old.data.lerp_(new.data, *tau)
-        return target if fault == "returned" else online
-
-    return learn
-
-
-def village(*changes):
-    """The sheet's solution of 7.1, with something else in some places: what is there, then what."""
-    text = (SCRIPTS / "07_training.py").read_text(encoding="utf-8")
-    end = text.index("### END SOLUTION\n\n# %%\nchecks.village_dqn")
-    start = text.rindex("\nclass Network", 0, end)
-    code = text[start:end]
-    for here, there in zip_longest(changes[::2], changes[1::2], fillvalue=""):
-        assert here in code
-        code = code.replace(here, there)
-    parts = {"Ring": "ring_buffer", "target_of": "double_target", "policy": "stable_policy"}
-    space = {name: checks.EXERCISES[check].solution for name, check in parts.items()}
-    around = "import copy\nimport numpy as np\nimport torch\nfrom torch import nn\n"
-    around += "from uavdh_lite.environment import State\n"
-    around += "from uavdh_lite.observation import Observation\n"
-    exec(around + code, space)
-    return space["train"]
+def _mean(q, beta):
+    return (torch.softmax(q / beta, 1) * q).sum(1)
 
 
 def stays_above(steps, values, threshold, above=np.greater_equal):
@@ -560,87 +445,61 @@ MISTAKES = {
         ),
     ],
     "network_weights": [(lambda *case: 2_308_854, "gives 2308854, expected")],
-    "learned_table": [
-        (table_learner(alpha=1), "the share α of the way"),
-        (table_learner(best=np.min), "largest Q-value of the next cell"),
-        (table_learner(gamma=0.95), "y is the reward plus γ times"),
-        (table_learner(end=lambda reward: False), "the reward alone. That matters where"),
-        (table_learner(end=lambda reward: reward > 0), "A step may also pay"),
-        (table_learner(stale=True), "the table as it is by then"),
-        (table_learner(entry=lambda action: 3 - action), r"Q-value \[row, column, action\] gives"),
-        (table_learner(move="on"), r"The flight had ended at \(3, 3\)"),
-        (table_learner(move=3), "20,000 steps has not ended"),
-        (table_learner(move=lambda _: random.randrange(4)), "passed in"),
-        (table_learner(move=lambda generator: generator.integers(5) % 4), "equally likely"),
-        (table_learner(cut=100), r"has not ended, but the next step begins at \(3, 0\)"),
-        (table_learner(fall=0.995), "in the last flight, too"),
-        (lambda *case: torch.zeros(4, 4, 4), "In a street"),
-        (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
-        (learn_table, "the library's own, from uavdh_lite.course.small_city. Write it yourself"),
-    ],
-    "learned_network": [
+    "expected_target": [
+        (lambda r, ended, g, q, beta: r + g * ~ended * q, "one target for each transition|stops"),
         (
-            network_learner(tau=lambda updates: 1.0, change=column(6, lambda r: 0 * r)),
-            r"at \[\d, \d\], expected.*after the end nothing follows",
-        ),
-        (network_learner(gamma=0.5), "With another γ"),
-        (network_learner(change=column(2, lambda r: 0 * r)), "of the action that was taken"),
-        (
-            network_learner(tau=lambda updates: 1.0, change=column(6, lambda r: (r > 0).float())),
-            "Only `ended`",
+            lambda r, ended, g, q, beta: r + g * ~ended * (torch.softmax(q, 1) * q).sum(1),
+            "temperature that is handed in",
         ),
         (
-            lambda memory, gamma, updates: trained("")(memory, gamma, 1500),
-            "updates = 1,000 `backward` is called 1,500 times",
-        ),
-        (trained("sizes"), "the mean of the squared errors"),
-        (trained("part"), "Some weights never change"),
-        (trained("cleared"), r"without `zero_grad\(\)` between them"),
-        (lambda *case: Misspelt(), "stops with NotImplementedError.*forward"),
-        (trained("gradient"), r"A gradient runs through y.*`torch.no_grad\(\)`. See line \d+, `"),
-        (trained("shape"), r"shape \(32,\) meets one of shape \(32, 1\): that makes 32 × 32"),
-        (trained("all"), "All four Q-values of a cell move towards y"),
-        (trained("largest"), "The largest Q-value of each cell moves"),
-        (trained("cell"), "the Q-values of the cell itself"),
-        (trained("slopes"), r"`optimiser.zero_grad\(\)` is missing"),
-        (trained("step"), "The weights do not change from update to update"),
-        (lambda *case: torch.nn.Linear(2, 4), "y is the reward plus"),
-        (lambda *case: torch.nn.Linear(2, 3), r"not a tensor of shape \(16, 4\)"),
-    ],
-    "learned_calmly": [
-        (network_learner(), "comes from the target network"),
-        (network_learner(tau=lambda tau: 1 - tau), r"are swapped.*its weights\.$"),
-        (network_learner(tau=lambda tau: 0.05), "With τ = 0"),
-        (trained("clipped"), "comes from the target network. With τ = 0"),
-        (trained("never"), r"the same as before. After every single update.*online one\.$"),
-        (trained("fresh"), "does not begin as a copy of the online one"),
-        (trained("returned"), "is not the trained one: return `online`"),
-        (trained("gradient"), "A gradient runs through y"),
-        (trained("in place"), r"under `with torch.no_grad\(\):`. See line \d+, `old.lerp_"),
-    ],
-    "stable_policy": [
-        (softmax_policy, "the library's own, from uavdh_lite.ddqn. Write it yourself"),
-        (lambda q, beta: _shifted(q, beta, 0), "it overflows"),
-        (lambda q, beta: _shifted(q, beta, q.amin(1, True)), "smaller than the maximum"),
-        (lambda q, beta: _shifted(q, beta, q.amax(1, True), 0), "the sum of its own row"),
-        (lambda q, beta: _shifted(q, beta, q.max()), "its own maximum"),
-    ],
-    "double_target": [
-        (
-            checks.double_target.solution,
-            "the library's own, from uavdh_lite.course.checks.notebook_06",
-        ),
-        (lambda r, t, d, online, target: r + d * online, "the shape|one target for each"),
-        (
-            lambda r, t, d, online, target: r + d * ~t * online.argmax(1),
-            "the entry of target_next, in the same row",
+            lambda r, ended, g, q, beta: r + g * ~ended * (torch.softmax(q / beta, 0) * q).sum(1),
+            "weighted by the probability",
         ),
         (
-            lambda r, t, d, online, target: (
-                r + d * target.gather(1, online.argmax(0)[:, None])[:, 0]
+            lambda r, ended, g, q, beta: (
+                r + g * ~ended * ((q / beta).exp() * q).sum(1) / (q / beta).exp().sum(1)
             ),
-            r"4\.63, 7\.45.*in the same row",
+            "does not overflow",
         ),
+        (lambda r, ended, g, q, beta: g * r + g * ~ended * _mean(q, beta), "counts in full"),
+        (lambda r, ended, g, q, beta: r + g * ended * _mean(q, beta), "reward alone|weighted"),
+    ],
+    "epsilon_greedy": [
+        (lambda q, epsilon: torch.softmax(q / epsilon, 1), "ε = 0"),
+        (lambda q, epsilon: q.argmax(1), "ε = 0"),
+        (
+            lambda q, epsilon: (
+                (q == q.amax(1, True)) * (1 - epsilon) + epsilon * (q < q.amax(1, True)) / 5
+            ),
+            "may also be the best one|best one included|equally likely",
+        ),
+        (lambda q, epsilon: epsilon / 6 + (1 - epsilon) * (q == q.amax(1, True)), "equally|all"),
+    ],
+    "by_surprise": [
+        (lambda errors: np.abs(errors) / np.abs(errors).sum(), "Only the order|has rank 1"),
+        (lambda errors: np.full(len(errors), 1 / len(errors)), "has rank 1"),
+        (lambda errors: 1 / (1 + np.argsort(np.argsort(-np.abs(errors)))), "add up to 1"),
+    ],
+    "mended_update": [
+        (made("largest"), "action that was taken"),
+        (made("end"), "where the episode ended|Where the episode ended"),
+        (made("slopes"), "must be forgotten"),
+        (made("never"), "in place"),
+        (lambda *case: None, "moves towards it"),
+        (lambda online, *rest: online(rest[2][0][:, 0]), "stops with RuntimeError"),
+    ],
+    "dueling_head": [
+        (dueling(lambda v, a: v - a + a.mean(1, keepdim=True)), "value plus the advantages"),
+        (dueling(lambda v, a: a - a.mean(1, keepdim=True)), "value plus the advantages"),
+        (dueling(lambda v, a: v.mean() + a - a.mean(1, keepdim=True)), "Each row has its own"),
+        (nn.Linear, "stops with|must be"),
+        (nn.Identity, r"self.value must be nn.Linear\(3, 1\)"),
+    ],
+    "mended_round": [
+        (rounds("crashed"), "by landing \\*or\\*|as `step` gave it|time is up"),
+        (rounds("landed", early=True), "new mission|stored step|as `step` gave it"),
+        (lambda *case: None, "Return the state"),
+        (lambda environment, state, *rest: state, "appends one tuple"),
     ],
     "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
     "n_step_return": [
@@ -648,17 +507,6 @@ MISTAKES = {
         (lambda r, t, v, n, d: checks.n_step_return.solution(r, t, v, min(n, 20), d), "30, 0.95"),
         (all_n, r"IndexError.*in line \d+, `.*`\. Where fewer than n steps are stored, m = T"),
     ],
-    "village_dqn": [
-        (lambda environment, *rest: Greedy(environment).act, "Nothing was trained"),
-        (village("        optimiser.step()\n"), "The weights do not change"),
-        (village("        optimiser.zero_grad()\n"), "is missing before `loss.backward"),
-        (village("gather(1, taken)[:, 0]", "gather(1, taken)"), "that makes 64 × 64 numbers"),
-        (
-            village("after.with_rows(over,", "after if True else (over,"),
-            "All 16 missions have ended",
-        ),
-    ],
-    "mended_recipe": [({"crash_reward": -2.0}, "Hand over a Recipe")],
     "steps_to": [
         (lambda s, v, t: stays_above(s, v, t, np.greater), "that equals the threshold"),
         (
@@ -697,17 +545,6 @@ MISTAKES = {
         (ROWS.strip().replace(" ", "\n"), "at most 16 may"),
         ("L..", "not a valid city"),
         ("...", "at least one character must be L"),
-    ],
-    "ring_buffer": [
-        (NewestAtTheEnd, "gives item 5, expected item 6.*no longer at the end"),
-        (Grows, "the ring does not grow"),
-        (Stale, "all stored ones|overwrite the oldest"),
-        (Shuffles, "overwrite the oldest"),
-        (Shared, "put into another ring: give each ring its own list"),
-        (OneLess, r"ValueError: high <= 0, in line \d+, `.*`\. The (newest|other) item"),
-        (Replay, "from uavdh_lite.replay. Write it yourself"),
-        (LastPlaceNever, "upper end|all stored ones"),
-        (OwnChance, "earlier calls|passed in"),
     ],
     "prioritised": [
         (lambda e, floor: (np.full(len(e), 1 / len(e)), np.ones(len(e))), "in proportion"),

@@ -1,6 +1,7 @@
 """The exercises' checks: what they refuse, what they say of it, and that nothing breaks them."""
 
 import ast
+import copy
 import itertools
 import re
 import sys
@@ -12,12 +13,11 @@ import jupytext
 import numpy as np
 import pytest
 import torch
-from mistakes import MISTAKES, village
+from mistakes import MISTAKES
 from mutants import code_of
 
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import exercise as module
-from uavdh_lite.course.checks import notebook_07
 from uavdh_lite.course.checks.exercise import Exercise
 from uavdh_lite.course.checks.notebook_07 import RUNS
 from uavdh_lite.course.checks.values import difference
@@ -25,8 +25,7 @@ from uavdh_lite.environment import Rewards
 from uavdh_lite.storage import read_table
 
 ROOT = Path(__file__).parents[2]
-TRAINED = ("mended_recipe", "village_dqn")  # an agent, for half a minute
-OTHERWISE = ("ring_buffer", "mean_rate", "rewards_by_hand")  # asked
+OTHERWISE = ("mean_rate", "rewards_by_hand")  # asked
 SCRIPTS = sorted((ROOT / "notebooks" / "scripts" / "exercises").glob("*.py"))
 FUNCTIONS = {name: one for name, one in checks.EXERCISES.items() if one.rules}
 WRONG = [
@@ -39,64 +38,6 @@ WRONG = [
 @pytest.mark.parametrize("name, answer, told", WRONG)
 def test_a_wrong_answer_is_refused_with_the_rule_or_the_mistake(name, answer, told):
     assert re.search(told, checks.EXERCISES[name].wrong_with(answer))
-
-
-def test_a_next_state_that_is_stored_after_the_restart_is_named(monkeypatch):
-    monkeypatch.setattr(notebook_07, "ROUNDS", 130)  # the first hundred are without learning
-    late = village("after[k : k + 1]))", "scenario.sample(environment, 1, generator)))")
-    said = checks.village_dqn.wrong_with(late)
-    assert re.search(r"Random flying has \d+%.*at least 20 points more, \d+%.* no minibatch", said)
-    assert "no minibatch" not in checks.village_dqn.wrong_with(village())
-
-
-FOLLOWS = """for old, new in zip(target.parameters(), online.parameters()):
-                old.lerp_(new, 0.02)"""
-STATES = "target = {name: w.lerp(online.state_dict()[name], 0.02) for name, w in target.items()}"
-CALLED = "torch.func.functional_call(online, target, seen)"
-
-
-@pytest.mark.parametrize(
-    "lags, changes",
-    [
-        (False, ("copy.deepcopy(online)", "online")),
-        (False, ("target(*seen)", "online(*seen)")),
-        (False, ("0.02)", "1.0)")),
-        (True, ()),
-        (True, ("old.lerp_(new, 0.02)", "old.copy_(new) if number % 9 == 0 else None")),
-        (
-            True,
-            (
-                "deepcopy(online)",
-                "copy(online.state_dict())",
-                "target(*seen)",
-                CALLED,
-                FOLLOWS,
-                STATES,
-            ),
-        ),
-    ],
-)
-def test_training_without_a_target_network_is_refused_and_with_one_of_any_kind_it_is_not(
-    lags, changes, monkeypatch, capsys
-):
-    monkeypatch.setattr(notebook_07, "ROUNDS", 115)
-    monkeypatch.setattr(notebook_07, "LEAST_LEAD", -1.0)
-    monkeypatch.setattr(notebook_07, "SOON", np.inf)
-    said = checks.village_dqn.wrong_with(village(*changes))
-    assert ("That is enough" in said and "network that lags behind" in said) is not lags
-    assert ("Not checked: whether y is the double target" in capsys.readouterr().out) is lags
-
-
-def test_ignored_ends_are_refused_whatever_was_collected_and_a_still_target_is_named(monkeypatch):
-    monkeypatch.setattr(notebook_07, "ROUNDS", 400)
-    monkeypatch.setattr(notebook_07, "LEAST_LEAD", -1.0)  # everything else is good enough
-    endless = village("torch.tensor(following.ended)", "torch.zeros(64, dtype=bool)")
-    said = checks.village_dqn.wrong_with(endless)
-    assert re.search(r"That is enough, but .*`land` is worth .* must be the reward alone", said)
-    assert not checks.village_dqn.wrong_with(village())
-    monkeypatch.setattr(notebook_07, "LEAST_LEAD", 1.0)
-    still = checks.village_dqn.wrong_with(village("lerp_(new, 0.02)", "lerp_(new, 0.0)"))
-    assert re.search(r"points more.*Does the target network follow", still)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -246,9 +187,7 @@ VALUES = [
 ]
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in checks.EXERCISES if n not in ("mended_recipe", "village_dqn")]
-)
+@pytest.mark.parametrize("name", checks.EXERCISES)
 def test_whatever_is_handed_in_or_given_back_ends_in_a_sentence(name):
     """What is asked in no way of its own is compared as all others are: a part of them will do."""
     one, own = checks.EXERCISES[name], checks.EXERCISES[name].ask.__name__ != "<lambda>"
@@ -266,19 +205,16 @@ def test_values_are_compared_as_what_they_are():
 
 
 def test_the_lines_of_pytorch_that_are_taught_run_and_have_the_shapes_they_say():
-    text = next(s for s in SCRIPTS if s.stem == "06_ddqn").read_text(encoding="utf-8")
-    table = text[text.index("# ## PyTorch") : text.index("# ## 6.2")]
+    text = next((ROOT / "notebooks" / "scripts").glob("05_*.py")).read_text(encoding="utf-8")
+    table = text[text.index("# ### PyTorch") : text.index("# Mind the shapes")]
     lines = re.findall(r"\| `(.+)` \|$", table, re.M)
-    space: dict = {"torch": torch, "nn": torch.nn}
-    shapes = []
-    for line in lines:
-        exec(line, space)
-        shapes.append([tuple(space[n].shape) for n in ("q", "taken", "rows") if n in space])
-    assert len(lines) == 10 and shapes[-1] == [(5, 4), (5, 1), (8, 784)]
-    assert shapes[3] == [(5, 4), (5,)] and not space["y"].requires_grad
-    code = re.search(r"```python\n(.+?)# ```", table, re.S)
-    exec(code[1].replace("# ", "", 1).replace("\n# ", "\n").replace("\n#\n", "\n\n"), space)
-    assert space["Network"]()(torch.rand(3, 2)).shape == (3, 4)
+    space: dict = {"torch": torch, "nn": torch.nn, "copy": copy}
+    results = [exec(line, space) or space for line in lines[:3]]
+    taken, largest = eval(lines[3].split("; ")[1], space | {"a": torch.zeros(5).long()}), lines[4]
+    assert results and space["q"].shape == (5, 4) and taken.shape == (5,)
+    assert [one.shape for one in eval(largest, space)] == [(5,), (5,)]
+    exec(lines[5] + "\n" + lines[6], space)
+    assert len(lines) == 7 and not space["y"].requires_grad
 
 
 def test_the_notebooks_have_every_exercise_in_order():
@@ -404,15 +340,15 @@ def test_a_forgotten_mark_or_another_heading_is_an_error_that_names_the_cell(her
 
 
 def test_right_answers_in_fewer_digits_pass_and_no_rule_explains_a_type():
-    for name in ("convolve", "centre", "stable_policy", "double_target", "data_of_a_step"):
+    for name in ("convolve", "centre", "expected_target", "epsilon_greedy", "data_of_a_step"):
         one = checks.EXERCISES[name]
         coarse = lambda *case, one=one: np.asarray(one.solution(*case), np.float32)  # noqa: E731
-        if name in ("stable_policy", "double_target"):
+        if name in ("expected_target", "epsilon_greedy"):
             coarse = lambda *case, one=one: one.solution(*case).float()  # noqa: E731
         assert not one.wrong_with(coarse), name
     for name, kind in {
         "convolve": lambda value: value.tolist(),
-        "stable_policy": lambda value: value.numpy(),
+        "epsilon_greedy": lambda value: value.numpy(),
         "shadow_map": lambda value: value.astype(np.uint8),
         "tdma_slot": lambda value: (*value, 0),
         "old_share": lambda value: [value],

@@ -4,11 +4,8 @@ import jupytext
 import pytest
 from mutants import SCRIPTS, code_of
 
-# Two agents are trained on the sheet left out; test_checks.py runs its code for fewer rounds
-QUICK = [script for script in sorted(SCRIPTS.glob("*.py")) if script.stem != "07_training"]
 
-
-@pytest.mark.parametrize("script", QUICK, ids=lambda script: script.stem)
+@pytest.mark.parametrize("script", sorted(SCRIPTS.glob("*.py")), ids=lambda script: script.stem)
 def test_solutions_pass(script, capsys):
     answers = {"__name__": "answers"}
     notebook = jupytext.reads(code_of(script), "py:percent")

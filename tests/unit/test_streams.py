@@ -85,8 +85,7 @@ ALLOWED = {
     "training.py": {"manual_seed"},
     "one_file.py": {"manual_seed"},
     "fleet.py": {"manual_seed"},  # of the generator on the accelerator
-    "notebook_06.py": {"manual_seed"},  # of the networks that an answer makes
-    "notebook_07.py": {"manual_seed"},
+    "one_file.py": {"manual_seed"},
 }
 
 

@@ -18,6 +18,7 @@ from uavdh_lite.environment import HOVER, LAND, MOVES, Environment, State
 from uavdh_lite.evaluation import FunctionPolicy, fly
 from uavdh_lite.one_file import Settings
 from uavdh_lite.plotting import BLUE, ORANGE, draw_trajectory
+from uavdh_lite.streams import Use, stream
 
 with suppress(ImportError):  # without them there is a progress bar
     import ipywidgets
@@ -122,7 +123,7 @@ class Live:
 
     def draw_mission(self, ax: Axes, q_values: Callable[[State], np.ndarray]) -> Axes:
         """The chosen mission, flown by the best actions, and these in each cell at its start."""
-        start, generator = self.missions[[self.mission]], np.random.default_rng(0)
+        start, generator = self.missions[[self.mission]], stream(Use.LAB)
         act = FunctionPolicy(lambda state: np.asarray(q_values(state)).argmax(axis=1))
         flown = fly(self.environment, act, start, generator)
         draw_trajectory(ax, self.environment, flown.trajectory(0))

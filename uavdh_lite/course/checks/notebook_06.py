@@ -155,7 +155,7 @@ PROBE = torch.tensor([[0.0, 0.0], [1.0, 2.0]])  # cells about which both network
 
 def after_updates(update, seed, gamma, tau, updates, ends):
     """Q-values of both networks for `PROBE` after so many updates: (online or target, cell, 4)."""
-    generator = np.random.default_rng(seed)
+    generator = stream(Use.EXERCISE, seed)
     online, target = (nn.Sequential(nn.Linear(2, 8), nn.Tanh(), nn.Linear(8, 4)) for _ in range(2))
     with torch.no_grad():
         for weights in [*online.parameters(), *target.parameters()]:

@@ -180,7 +180,7 @@ def round_of(one_round, kind, seed):
     ended, and the reward.
     """
     environment, scenario = Environment(load_city("village")), find_scenario("village")
-    generator, memory, begun = np.random.default_rng(seed), [], []
+    generator, memory, begun = stream(Use.EXERCISE, seed), [], []
     state = scenario.sample(environment, 4, generator)
     action = np.full(4, LAND) if kind == "land" else np.array([1, 2, 1, 2])
     if kind == "mixed":
