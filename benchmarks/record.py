@@ -80,7 +80,7 @@ def state(study: str) -> str:
     if not about.exists():
         return "not recorded"
     made_by = read_json(about).get("golden", "")
-    if made_by in (digest(), *_list()["same"]):
+    if made_by in (digest(), *_list().get("same", ())):
         return ""
     return f"made by another program, whose golden arrays are {made_by or 'not known'}"
 

@@ -1,7 +1,6 @@
 """Double deep Q-learning for a UAV that collects data: all of it, in one file.
 
-    python -m uavdh_lite.one_file                     # about a minute on one quiet core
-    python -m uavdh_lite.one_file --png village.png   # and a figure of the curve and of a flight
+    python -m uavdh_lite.one_file --png village.png  # about a minute on one quiet core
 
 A UAV flies over a village, collects data from one or two devices, and must land before its time is
 up (Bayerlein et al., Globecom 2020). The world is imported: `Environment` moves a batch of UAVs, a
@@ -74,7 +73,8 @@ class CentredMap:
     """
 
     def __init__(self, environment: Environment):
-        city, self.size, self.side = environment.city, environment.size, 2 * environment.size - 1
+        self.environment, city, self.size = environment, environment.city, environment.size
+        self.side, self.layers = 2 * self.size - 1, 5
         layers = ((city.landing, 0), (city.no_fly, 1), (city.buildings, 0))
         padded = [np.pad(own, self.size - 1, constant_values=out) for own, out in layers]
         # windows[:, r, c]: the part of the padded city whose middle is the city's cell (r, c)
@@ -97,10 +97,10 @@ class QNetwork(nn.Module):
     """`network(map, time) -> q`, the value of each action, (B, 6) (Fig. 2). The authors' has 16
     kernels of 5 × 5 that move by 1, and 3 layers of 256: a hundred times as many weights."""
 
-    def __init__(self, side: int):
+    def __init__(self, side: int, layers: int = 5):
         super().__init__()
         self.convolutions = nn.Sequential(
-            nn.Conv2d(5, 8, 3, 2), nn.ReLU(), nn.Conv2d(8, 8, 3, 2), nn.ReLU(), nn.Flatten()
+            nn.Conv2d(layers, 8, 3, 2), nn.ReLU(), nn.Conv2d(8, 8, 3, 2), nn.ReLU(), nn.Flatten()
         )
         inputs = 8 * ((side - 3) // 4) ** 2 + 1  # what the convolutions make of it, and the time
         self.head = nn.Sequential(
@@ -178,21 +178,21 @@ def update(online, target, optimiser, see: CentredMap, batch: tuple, settings: S
 
 
 @torch.no_grad()
-def evaluate(network: nn.Module, environment: Environment, missions: int = 200) -> tuple:
+def evaluate(network: nn.Module, see: CentredMap, missions: int = 200) -> tuple:
     """Landed, and collected and landed: what the best actions (eq. 9) do in missions kept apart."""
-    see, generator = CentredMap(environment), stream(Use.VALIDATION)
-    state = VILLAGE.sample(environment, missions, generator)
+    generator = stream(Use.VALIDATION)
+    state = VILLAGE.sample(see.environment, missions, generator)
     while not state.ended.all():
         best = network(*see(state)).argmax(dim=1).numpy()
-        state, _ = environment.step(state, best, generator)
+        state, _ = see.environment.step(state, best, generator)
     return state.landed.mean(), (state.collected * state.landed).mean()
 
 
-def train(settings: Settings, environment: Environment, seed: int = 0) -> Iterator[tuple]:
-    """The loop. After a step of all UAVs it hands out the steps so far, and the network."""
-    generator, uavs, see = stream(Use.TRAINING, seed), settings.uavs, CentredMap(environment)
+def train(settings: Settings, see: CentredMap, seed: int = 0) -> Iterator[tuple]:
+    """The loop. After a step of all UAVs it hands out the steps so far and the network."""
+    generator, uavs, environment = stream(Use.TRAINING, seed), settings.uavs, see.environment
     torch.manual_seed(torch_seed(Use.WEIGHTS, seed))
-    online = QNetwork(see.side)
+    online = QNetwork(see.side, see.layers)
     target = copy.deepcopy(online)
     optimiser = torch.optim.Adam(online.parameters(), eps=1e-7, amsgrad=True, fused=True)
     memory = Memory(settings.memory, uavs)
@@ -226,11 +226,11 @@ def main() -> None:
     parser.add_argument("--png", help="a file for the curve and a flight")
     given = parser.parse_args()
     torch.set_num_threads(1)  # quickest for so small a network
-    settings, environment, curve = Settings(given.steps), Environment(load_city("village")), []
+    settings, see, curve = Settings(given.steps), CentredMap(Environment(load_city("village"))), []
     print("      steps  landed  collected and landed")
-    for step, network in train(settings, environment, given.seed):
+    for step, network in train(settings, see, given.seed):
         if step * 18 // settings.steps > (step - settings.uavs) * 18 // settings.steps:
-            curve.append((step, *evaluate(network, environment)))
+            curve.append((step, *evaluate(network, see)))
             print("{:>11,}{:>8.0%}{:>7.0%} ".format(*curve[-1]), "█" * round(40 * curve[-1][2]))
     if not given.png:
         return
@@ -239,10 +239,10 @@ def main() -> None:
     left.plot([point[0] for point in curve], [point[1:] for point in curve])
     left.legend(["landed", "collected and landed"])
     left.set(xlabel="environment steps", ylabel="share of data, or of missions", ylim=(0, 1.03))
-    see, generator = CentredMap(environment), stream(Use.TEST)
     best = FunctionPolicy(lambda state: network(*see(state)).argmax(dim=1).numpy())
-    flight = fly(environment, best, VILLAGE.sample(environment, 1, generator), generator)
-    draw_trajectory(right, environment, flight.trajectory(0))
+    world, generator = see.environment, stream(Use.TEST)
+    flight = fly(world, best, VILLAGE.sample(world, 1, generator), generator)
+    draw_trajectory(right, world, flight.trajectory(0))
     save_figure(figure, given.png)
 
 

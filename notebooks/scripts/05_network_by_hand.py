@@ -65,19 +65,15 @@ weights = np.array([[-1, 0, 1]] * 3)
 draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
 
 # %% [markdown]
-# With a bias of 0, the output is 3, the sum of the numbers in the right-hand picture. These weights
-# add the right column and subtract the left one. A neuron thus asks a question about its inputs,
-# and its weights say which: here, whether something is on the right and nothing on the left.
+# With a bias of 0, the output is 3, the sum of the numbers on the right. These weights add the right
+# column and subtract the left one. A neuron thus asks a question about its inputs, and its weights
+# say which: here, whether something is on the right and nothing on the left.
 #
-# Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is something
-# else: a picture.) A layer is **fully connected**, or *dense*, if each of its neurons has a weight
-# for every input.
-#
-# What does a second layer add? Nothing yet. Plotted against any one input, a neuron's output is a
-# straight line. A weighted sum of straight lines is again a straight line, so two layers can do no
-# more than one. Between the two layers, something has to bend the straight lines. The usual choice
-# is the **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all
-# others. Here are three bent lines and their sum:
+# Neurons with the same inputs form a **layer**. A layer is **fully connected**, or *dense*, if each
+# of its neurons has a weight for every input. Two layers can do no more than one, because a weighted
+# sum of straight lines is again a straight line. So between them, something has to bend the lines:
+# the **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others.
+# Here are three bent lines and their sum:
 
 # %%
 from matplotlib import pyplot as plt
@@ -94,16 +90,13 @@ ax.legend();
 # Each neuron adds one kink. With enough kinks, the sum can follow any continuous curve over a
 # bounded stretch as closely as you like.
 #
-# So far we have a formula that *could* say what an action is worth. Next: how it learns to.
-#
 # ## 5.2 Going downhill
 #
 # At first all weights are random, because neurons with equal weights would learn the same thing. A
-# **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the output
-# gets worse. The *slope* of the loss with respect to a weight says whether the loss grows or
-# shrinks when the weight grows. To step downhill, change the weight by minus the slope times a
-# small number, the **learning rate**. This is **gradient descent**. The *gradient* is the list of
-# all slopes.
+# **loss** measures how wrong the output is. Its *slope* with respect to a weight says whether the
+# loss grows or shrinks when the weight grows. To step downhill, change the weight by minus the slope
+# times a small number, the **learning rate**. This is **gradient descent**; the *gradient* is the
+# list of all slopes.
 #
 # Take a neuron with one weight and no bias. The input is 3 and the output should be 6, so the
 # weight should become 2.
@@ -126,13 +119,10 @@ ax.set(xlabel="weight", ylabel="loss");
 # higher up on the other side. With 0.0002 the weight hardly moves. A number like this one, chosen
 # rather than learned, is a **hyperparameter**.
 #
-# The slope in the code has the input, 3, as a factor. The weight of an input of 70 would therefore
-# take far larger steps than that of an input of 1, and an equal step would move the output 70 times
-# as far. This is why data and flying time are scaled to small numbers.
-#
-# Because the slope of a squared error grows with the error, a single error of 150 pulls at the
-# weights as hard as 150 errors of 1. The **Huber loss**, a parabola near 0 and a straight line
-# further out, limits that pull.
+# The slope has the input, 3, as a factor. The weight of an input of 70 would take far larger steps
+# than that of an input of 1, which is why many recipes scale data and time to small numbers. And
+# because the slope of a squared error grows with the error, a single error of 150 pulls as hard as
+# 150 errors of 1; the **Huber loss**, a parabola near 0 and a straight line further out, limits that.
 #
 # ## 5.3 Backpropagation
 #
@@ -203,16 +193,12 @@ def train(model, x, y, updates=400):
         optimiser.step()
 
 # %% [markdown]
-# - `optimiser = …` makes the optimiser, with the learning rate `lr`. **Adam** divides each weight's
-#   steps by the usual size of the slopes for that weight, so that all weights take steps of similar
-#   length.
-# - `loss = …` is the forward pass, in which PyTorch records each operation. The loss is a mean over
-#   a **minibatch**, because using all examples would take longer, and a single one would be too
-#   noisy.
-# - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
-#   them.
-# - `loss.backward()` is backpropagation.
-# - `optimiser.step()` moves every weight a step downhill.
+# - **Adam** divides each weight's steps by the usual size of the slopes for that weight, so that all
+#   weights take steps of similar length; `lr` is the learning rate.
+# - The loss is a mean over a **minibatch**, because using all examples would take longer, and a
+#   single one would be too noisy.
+# - `zero_grad` forgets the old slopes (otherwise the new ones are added to them), `backward` is
+#   backpropagation, and `step` moves every weight downhill.
 #
 # ## 5.5 A window that moves
 #
@@ -238,8 +224,8 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # result moves along with the picture only if that moves by a multiple of the stride. Moved by a
 # single cell, the building falls between other windows, and what comes out is different.
 #
-# Many networks for pictures use **pooling**: of each small window they keep the largest number or
-# the mean. Our network has none, because pooling blurs *where* things are.
+# (Many networks for pictures also use **pooling**: of each small window they keep the largest number
+# or the mean. Ours has none, because pooling blurs *where* things are.)
 #
 # So far: a window asks one question everywhere. Next: whether that helps.
 #
@@ -258,8 +244,8 @@ from uavdh_lite.course.near_far import near_pairs
 in_place, centred, y = near_pairs()
 
 # %% [markdown]
-# A dense network and one with two convolutions see the map in place; another dense network sees the
-# centred map. Which ones will succeed?
+# Two networks see the map in place, one with and one without convolutions; another dense one sees the
+# centred map. Which will succeed?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -284,22 +270,19 @@ for name, (model, maps) in networks.items():
 assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
-# The **dense network in place** does well in training and poorly in the test. It has learned many
-# training pairs by heart, but does little better than guessing on new ones. This is
-# **overfitting**: the network fits its examples better than the world that they come from. A weight
-# of the first layer belongs to something at an absolute place, such as "device at (4, 7)". Whether
-# a device there is near depends on where the UAV is, so what the network learns about one pair
-# tells it little about another. More examples would help.
+# The **dense network in place** has learned training pairs by heart, and does little better than
+# guessing on new ones. This is **overfitting**: it fits its examples better than the world that they
+# come from. A weight of its first layer belongs to an absolute place, such as "device at (4, 7)", and
+# whether a device there is near depends on where the UAV is. More examples would help.
 #
-# The **convolutions** avoid this problem. One window sees the UAV and a nearby device *together*,
-# anywhere in the city. With the **centred** map even the dense network is nearly perfect, because
-# the question has become trivial: is the device in a certain square of the picture? Only 961
-# different centred maps exist, so 95 % of those in the test had already occurred in training.
+# The **convolutions** avoid this: one window sees the UAV and a nearby device *together*, anywhere in
+# the city. With the **centred** map even the dense network is nearly perfect, because the question
+# has become trivial: is the device in a certain square of the picture? (Only 961 different centred
+# maps exist, so most of those in the test have occurred in training.)
 #
-# What does centring add? A convolution compares only what lies within its window. One window can
-# show whether a device is near, but not whether the landing zone can still be reached in time,
-# because that zone may be a whole city away. In the centred frame every displacement from the UAV
-# is a single place in the picture, so a single weight can ask about it.
+# What does centring add to convolutions? A window can show whether a device is near, but not whether
+# the landing zone can be reached in time, a whole city away. In the centred frame every displacement
+# from the UAV is a single place in the picture, so a single weight can ask about it.
 #
 # ## 5.7 The network of your agent
 #

@@ -144,12 +144,11 @@ draw_values([right_values, learn_table(40, worth=np.mean)], ["the largest", "the
 #
 # $$Q(s_t,a_t)=\mathbb{E}\left[\sum_{k}\gamma^k\,r_{t+k}\right]$$
 #
-# Why not $\gamma=1$? Each value is estimated from the next, so errors travel, and $\gamma$ shrinks
-# those from far away. For the same reason the equation has one solution, and updates come closer to
-# it: an error of $\varepsilon$ in the next values is $\gamma\varepsilon$ in this one, so that each
-# round *contracts* it. And rewards fifty steps ahead depend on fifty actions still to be chosen. The
-# price is short-sightedness: the factors add up to $1/(1-\gamma)$, the **horizon**, 20 steps for
-# 0.95. A crash that costs 150 and is 60 steps ahead counts only $150\cdot0.95^{60}\approx7$.
+# Why not $\gamma=1$? Each value is estimated from the next, so errors travel; an error of
+# $\varepsilon$ in the next value is only $\gamma\varepsilon$ in this one, so each round *contracts*
+# them. The price is short-sightedness: the factors add up to $1/(1-\gamma)$, the **horizon**, 20
+# steps for 0.95. A crash that costs 150 and is 60 steps ahead counts only
+# $150\cdot0.95^{60}\approx7$.
 #
 # ## 6.2 A network in the table's place
 #

@@ -69,7 +69,7 @@ figure
 #
 # ## 11.1 Four sizes of memory
 #
-# The runs in the picture follow the recipe `small`, except that learning begins after 250 steps. Each run lasts 48,000 steps, and there are three seeds for each size. The
+# The runs in the picture learn as `lite` does, with the small network of the village, except that learning begins after 250 steps. Each run lasts 48,000 steps, and there are three seeds for each size. The
 # recipe's own memory holds 40,000 steps. The cell that drew the picture has already read the runs' final results into a table, which is printed here:
 
 # %%

@@ -103,7 +103,7 @@ def test_its_constants_and_its_evaluation_are_those_of_small(environment_of_vill
         trainer.environment, trainer.agent, one_file.VILLAGE, 100, VALIDATION_SEED, Use.VALIDATION
     )
     means = flights.metrics()
-    found = one_file.evaluate(network, trainer.environment, 100)
+    found = one_file.evaluate(network, one_file.CentredMap(trainer.environment), 100)
     assert np.allclose(found, [means[k].mean for k in ("landed", "collected_and_landed")])
 
 

@@ -9,7 +9,7 @@
 # %% [markdown]
 # # Exercises 11 · Replay
 #
-# These exercises go with notebook `11_replay`. You need the ring buffer of exercise 6.3, and numpy.
+# These exercises go with notebook `11_replay`. You need the memory of 7.1, and numpy.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
 # right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
