@@ -75,7 +75,7 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 # the **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others.
 # Here are three bent lines and their sum:
 
-# %%
+# %% tags=["hide-input"]
 from matplotlib import pyplot as plt
 
 x = np.linspace(-1, 4, 200)
@@ -87,8 +87,7 @@ ax.set(xlabel="input", ylabel="output")
 ax.legend();
 
 # %% [markdown]
-# Each neuron adds one kink. With enough kinks, the sum can follow any continuous curve over a
-# bounded stretch as closely as you like.
+# Each neuron adds one kink. With enough kinks, the sum can follow any continuous curve.
 #
 # ## 5.2 Going downhill
 #
@@ -107,22 +106,21 @@ for _ in range(8):
     slope = 2 * 3 * (3 * w[-1] - 6)  # of the loss (3w − 6)²
     w.append(w[-1] - 0.02 * slope)  # 0.02 is the learning rate
 
-# %%
+# %% tags=["hide-input"]
 line = np.linspace(-0.2, 4.2)
 figure, ax = plt.subplots(figsize=(5, 2.6), layout="constrained")
 ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")
 ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
-# The steps get shorter as the curve gets flatter, and the weight settles at the bottom. Now break
-# it: with a learning rate of 0.2 in place of 0.02, each step jumps across the valley and lands
-# higher up on the other side. With 0.0002 the weight hardly moves. A number like this one, chosen
-# rather than learned, is a **hyperparameter**.
+# The weight settles at the bottom. Now break it: with a learning rate of 0.2 each step jumps across
+# the valley and lands higher up on the other side, and with 0.0002 the weight hardly moves. A number
+# like this one, chosen rather than learned, is a **hyperparameter**.
 #
-# The slope has the input, 3, as a factor. The weight of an input of 70 would take far larger steps
-# than that of an input of 1, which is why many recipes scale data and time to small numbers. And
-# because the slope of a squared error grows with the error, a single error of 150 pulls as hard as
-# 150 errors of 1; the **Huber loss**, a parabola near 0 and a straight line further out, limits that.
+# The slope has the input, 3, as a factor, so the weight of an input of 70 takes far larger steps than
+# that of an input of 1: many recipes scale data and time to small numbers. And because the slope of a
+# squared error grows with the error, one error of 150 pulls as hard as 150 errors of 1; the **Huber
+# loss**, a straight line further out, limits that.
 #
 # ## 5.3 Backpropagation
 #
@@ -138,20 +136,16 @@ ax.set(xlabel="weight", ylabel="loss");
 #                                                └──×1.5──▶   −9 at w₂
 # ```
 #
-# Read the slopes from right to left. If $y$ grows a little, the loss changes by $-6$ times as much.
-# If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$
-# grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is $-6\cdot2=-12$. (Because $h$ is
-# positive, the ReLU changes nothing here. Where a ReLU gives 0, its slope is 0, and the weights
-# before it learn nothing.) If
-# $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each slope
-# is the one to its right times a number that is known from the forward pass, so one backward pass
-# gives the slopes of *all* weights at the cost of one or two forward passes. This is
-# **backpropagation**.
+# Read the slopes from right to left. If $y$ grows a little, the loss changes by $-6$ times as much. If
+# $w_2$ grows, $y$ grows $h=1.5$ times as much: the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$ grows,
+# $y$ grows $w_2=2$ times as much: the slope at $h$ is $-12$. (Where a ReLU gives 0, its slope is 0, and
+# the weights before it learn nothing.) If $w_1$ grows, $h$ grows $x=3$ times as much: the slope at $w_1$
+# is $-36$. Each slope is the one to its right times a number known from the forward pass, so one
+# backward pass gives the slopes of *all* weights. This is **backpropagation**.
 #
 # ### PyTorch, as much as the course needs
 #
-# PyTorch's arrays are called **tensors**. They behave like numpy's, and remember how they were
-# computed, so that slopes can be followed backwards.
+# PyTorch's arrays, **tensors**, remember how they were computed, so slopes can be followed backwards.
 #
 # | what it does | a line of code |
 # | --- | --- |
@@ -213,19 +207,15 @@ result = torch.nn.functional.conv2d(one, kernel)[0, 0]
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks the building's western edge; red, its eastern one. The window has four positions along
-# each side; in general, a kernel $k$ cells wide turns $n$ cells into $n-k+1$. A rim of zeros
-# (**padding**) keeps the picture's size; the agent's network uses none. The same nine weights are
-# used everywhere (**weight sharing**), so what they learn in one place holds in all others. If the
-# building moves one cell east, so does the result (**translation equivariance**).
+# Blue marks the building's western edge; red, its eastern one. A kernel $k$ cells wide turns $n$ cells
+# into $n-k+1$; a rim of zeros (**padding**) would keep the size. The same nine weights are used
+# everywhere (**weight sharing**), so what they learn in one place holds in all others. If the building
+# moves one cell east, so does the result (**translation equivariance**).
 #
 # The number of cells by which the window moves each time is the **stride**. A stride of 2 leaves
 # about half as many cells along each side, and makes the network cheaper. It has a price: the
 # result moves along with the picture only if that moves by a multiple of the stride. Moved by a
 # single cell, the building falls between other windows, and what comes out is different.
-#
-# (Many networks for pictures also use **pooling**: of each small window they keep the largest number
-# or the mean. Ours has none, because pooling blurs *where* things are.)
 #
 # So far: a window asks one question everywhere. Next: whether that helps.
 #
@@ -271,18 +261,16 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
 # The **dense network in place** has learned training pairs by heart, and does little better than
-# guessing on new ones. This is **overfitting**: it fits its examples better than the world that they
-# come from. A weight of its first layer belongs to an absolute place, such as "device at (4, 7)", and
-# whether a device there is near depends on where the UAV is. More examples would help.
+# guessing on new ones: **overfitting**. A weight of its first layer belongs to an absolute place, such
+# as "device at (4, 7)", and whether a device there is near depends on where the UAV is.
 #
-# The **convolutions** avoid this: one window sees the UAV and a nearby device *together*, anywhere in
-# the city. With the **centred** map even the dense network is nearly perfect, because the question
-# has become trivial: is the device in a certain square of the picture? (Only 961 different centred
-# maps exist, so most of those in the test have occurred in training.)
+# The **convolutions** avoid this: one window sees the UAV and a nearby device *together*, anywhere.
+# With the **centred** map even the dense network is nearly perfect, because the question has become
+# trivial: is the device in a certain square of the picture? (Only 961 different centred maps exist, so
+# most of those in the test have occurred in training.)
 #
-# What does centring add to convolutions? A window can show whether a device is near, but not whether
-# the landing zone can be reached in time, a whole city away. In the centred frame every displacement
-# from the UAV is a single place in the picture, so a single weight can ask about it.
+# A window can show whether a device is near, but not whether the landing zone can be reached in time,
+# a whole city away. In the centred frame every displacement is a single place in the picture.
 #
 # ## 5.7 The network of your agent
 #
@@ -327,8 +315,8 @@ print(f"{sum(weights.numel() for weights in network.parameters()):,} weights")
 draw_maps(dict(zip(("landing zone", "no-fly zone", "buildings", "data left"), maps[1])), uav=(7, 7))
 
 # %% [markdown]
-# That is the second mission as the network sees it: the UAV in the middle, the village to the
-# south-east, and no-fly cells all around. Its six answers are still random.
+# That is the second mission as the network sees it: the UAV in the middle, and no-fly cells all around
+# the village. Its six answers are still random.
 #
 # ### What a unit can see
 #
@@ -345,10 +333,9 @@ network.convolutions(question).sum().backward()  # all units
 draw_maps({"one unit": one, "all units": (question.grad[0].abs().sum(0) > 0).int()}, uav=(7, 7))
 
 # %% [markdown]
-# The blue square is the unit's **receptive field**: 7 of 15 cells on each side. Along each side it
-# sees 3 units of the first convolution, whose windows are 3 cells wide and 2 apart, and
-# $3+2\cdot2=7$. Together the units read the whole map. That is not a matter of course: if the
-# windows do not come out even at the edge, a network never reads the last rows and columns.
+# The blue square is the unit's **receptive field**: it sees 3 units of the first convolution along each
+# side, whose windows are 3 cells wide and 2 apart, and $3+2\cdot2=7$. Together the units read the whole
+# map, because the windows come out even at the edge.
 #
 # How does it compare with the paper's?
 #
@@ -361,10 +348,11 @@ draw_maps({"one unit": one, "all units": (question.grad[0].abs().sum(0) > 0).int
 # | fully connected | 256, 256, 256 | 128, 128 |
 # | weights in all | 2,308,854 | 27,710 |
 #
-# Nearly all weights of the paper's network are in its first dense layer: 256 neurons with 8465
-# inputs each. The number of inputs grows with the map, so it limits the size of the *city*. (The
-# network of the recipe `lite` also has **layer normalisation**: it shifts and scales a layer's sums
-# to mean 0 and standard deviation 1, so that none is too large for the next layer.)
+# Nearly all weights of the paper's network are in its first dense layer. The number of its inputs grows
+# with the map, so it limits the size of the *city*. (The recipe `lite` also has **layer
+# normalisation**, which shifts and scales a layer's sums to mean 0 and standard deviation 1. And many
+# networks have **pooling**: of each small window they keep the largest number. Ours has none, because
+# it blurs *where* things are.)
 #
 # ## Recap
 #

@@ -1,3 +1,11 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+# ---
+
 # %% [markdown]
 # # 6 · From Q-learning to DDQN
 #
@@ -38,7 +46,8 @@ village, generator = load_city("village"), np.random.default_rng(0)
 START, DEVICE, MOVES = (0, 0), (6, 7), ((-1, 0), (0, 1), (1, 0), (0, -1))
 
 def draw_values(values, titles):
-    figure, axes = plt.subplots(1, len(values), figsize=(3 * len(values), 3.2), layout="constrained")
+    size = 3 * len(values), 3.2
+    figure, axes = plt.subplots(1, len(values), figsize=size, layout="constrained")
     for ax, q, title in zip(np.ravel(axes), values, titles):
         draw_city(ax, village).set_title(title, fontsize="medium")
         ax.imshow(np.where(village.no_fly, np.nan, q.max(2)), "YlGn", vmin=-1, vmax=10, zorder=1.5)
@@ -135,10 +144,9 @@ draw_values([right_values, learn_table(40, worth=np.mean)], ["the largest", "the
 # with the mean, which learns what its own flying is worth, is **on-policy** (*SARSA* is of this
 # kind). An off-policy method may learn from old flights again and again, and soon it will.
 #
-# **The last step.** If the flight ended, $y$ is $r$ alone. If you forget this, rewards seem to go on
-# after a crash. When the UAV's time is up, which the agent can foresee from the state, the mission is
-# over: a true end, a **termination**. If a simulation merely stops, say after 1000 steps, that is a
-# **truncation**: more would have followed, and $y$ keeps its second part.
+# **The last step.** If the flight ended, $y$ is $r$ alone; if you forget this, rewards seem to go on
+# after a crash. A mission whose time is up is over, a **termination**. If a simulation merely stops
+# after 1000 steps, that is a **truncation**: more would have followed, and $y$ keeps its second part.
 #
 # **The discount.** A reward $k$ steps ahead counts $\gamma^k$ times its size (paper, eq. 5 and 6):
 #
@@ -260,7 +268,7 @@ for seed in range(3):
     networks.append(online)
 assert max(path[-1] for path in calm) < 20
 
-# %%
+# %% tags=["hide-input"]
 figure, ax = plt.subplots(figsize=(6, 2.8), layout="constrained")
 ax.plot(np.transpose(exploding), "C1", lw=1)
 ax.plot(np.transpose(calm), "C0", lw=1)
@@ -270,10 +278,9 @@ ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog",
 # %% [markdown]
 # While the online network takes a step, the targets hardly move, so it can catch up. The target
 # network lags about $1/\tau$ updates behind: 20 here, 200 with the paper's $\tau=0.005$. With
-# $\tau=1$ the two would be the same, and with $\tau=0.00001$ the targets would mean nothing for the
-# whole run. Are the calm values right?
+# $\tau=1$ the two would be the same. Are the calm values right?
 
-# %%
+# %% tags=["hide-input"]
 cells = torch.cartesian_prod(torch.arange(8.0), torch.arange(8.0))
 learned = [online(cells).detach().view(8, 8, 4).numpy() for online in networks[:2]]
 draw_values([right_values, *learned], ["table", "network", "another"])
@@ -317,10 +324,10 @@ print("Broken: ", softmax_policy(torch.tensor([[1000.0, 999.0, 998.0, 0.0]]), 0.
 # from all of them first; `torch.softmax` does. After training, the agent follows the **greedy
 # policy** (eq. 9) and always takes the best action.
 #
-# The best-known alternative is **ε-greedy**: a random action with probability ε, else the best. The
-# same ε suits Q-values of any size, whereas β must fit their size; but it tries the worst action as
-# often as the second best. One could also *mask* actions that the safety controller refuses (3.4), in
-# acting and in the maximum of the target alike. The paper uses penalties; so do we.
+# The best-known alternative is **ε-greedy**: a random action with probability ε, else the best. It
+# tries the worst action as often as the second best; but β must fit the size of the Q-values, and ε
+# need not. One could also *mask* actions that the safety controller refuses (3.4), in acting and in
+# the maximum of the target alike. The paper uses penalties; so do we.
 #
 # ## 6.5 Double Q-learning
 #

@@ -1,3 +1,11 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+# ---
+
 # %% [markdown]
 # # 9 · The finale
 #
@@ -64,13 +72,13 @@ figure
 # | --- | --- |
 # | **What you'll do** | Build a failsafe and a told layer for your own agent, train it again, and fly the last flight of the course |
 # | **What you'll learn** | Guarantee, tell, copy, learn: four ways to get knowledge into an agent, and what each of them costs |
-# | **What you'll need** | Notebooks 0 to 8. 40 minutes to read, a minute to run; the project takes an afternoon |
+# | **What you'll need** | Notebooks 0 to 8. 40 minutes to read, 60 seconds to run; the project takes an afternoon |
 #
 # The *DDQN agent* learned from reward alone, with the recipe `lite`. It brings home about as much as
 # the paper's agent did over its own map, and a little less than the rule. It paid for its knowledge
 # with crashes and millions of steps. But for our cities the channel can be computed. So let us give
 # an agent what we know, one gift at a time, and begin with **yours**. Here is how it flies so far (if
-# you have not trained one, an agent that we trained flies in its place):
+# you have not trained one, `any_city`, which you will meet in 9.5, flies in its place):
 
 # %%
 import os
@@ -86,9 +94,11 @@ from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.player import play
 
 torch.set_num_threads(1)
-yours = load_agent("my_agent.safetensors" if os.path.exists("my_agent.safetensors") else "village")
+village, own = load_city("village"), "my_agent.safetensors"
+yours = load_agent(own if os.path.exists(own) else "any_city").over(village)
 missions = VILLAGE.sample(yours.environment, 5, np.random.default_rng(12))
-play(yours.environment, fly(yours.environment, yours, missions, np.random.default_rng(0)).trajectory(0))
+flight = fly(yours.environment, yours, missions, np.random.default_rng(0)).trajectory(0)
+play(yours.environment, flight)
 
 # %% [markdown]
 # ## 9.1 Guarantee
@@ -119,7 +129,6 @@ class Forgetful(Safe):
     def in_time(self, state, action):
         return super().in_time(replace(state, time_left=state.time_left + 1), action)
 
-village = load_city("village")
 for world in (Environment(village), Forgetful(village), Safe(village)):
     landed = evaluate(world, Random(0), VILLAGE, 500, seed=0).end.landed
     print(f"random in {type(world).__name__:<12} landed {landed.mean():6.1%}")
@@ -149,7 +158,8 @@ class ToldMap(CentredMap):
         return offered.max(axis=1)  # (B, M, M): what the best device would send
 
     def __call__(self, state):
-        (maps, time), layer = super().__call__(state), np.zeros((len(state), 1, self.side, self.side))
+        maps, time = super().__call__(state)
+        layer = np.zeros((len(state), 1, self.side, self.side))
         for k, (told, cell) in enumerate(zip(self.told(state), state.uav_cell)):
             row, col = (self.size - 1 - place for place in divmod(int(cell), self.size))
             layer[k, 0, row : row + self.size, col : col + self.size] = told
@@ -172,7 +182,7 @@ draw_maps({"buildings": maps[0, 2], "data left": maps[0, 3], "told": maps[0, 5]}
 def learn(see, steps=40_000):
     returns = []
     for step, network in train(Settings(steps=steps), see):
-        if step % 5_000 == 0:
+        if step % 4_000 == 0:
             with torch.no_grad():
                 best = FunctionPolicy(lambda state: network(*see(state)).detach().argmax(1).numpy())
                 flights = evaluate(see.environment, best, VILLAGE, 200, seed=1)
@@ -183,7 +193,7 @@ def learn(see, steps=40_000):
 pilots = {"failsafe": CentredMap(Safe(village)), "failsafe and told": told}
 learned = {name: learn(see) for name, see in pilots.items()}
 
-# %%
+# %% tags=["hide-input"]
 figure = Figure(figsize=(6, 3), layout="constrained")
 ax = figure.subplots()
 greedy = evaluate(Safe(village), Greedy(Safe(village)), VILLAGE, 200, seed=1).returns.mean()
@@ -195,8 +205,9 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Both learn faster than in notebook 7, because no crash disturbs the Q-values any more, and what the
-# agent is told it need not find out. (One run each: see 8.3 before you say which is better.)
+# Both learn faster than in notebook 7, because no crash disturbs the Q-values any more. What the agent
+# is told it need not find out: that may help it at first. (One run each: see 8.3 before you say which
+# is better.)
 #
 # ### A second city
 #
@@ -213,6 +224,7 @@ other = City.from_text("hamlet", """
     . . . . . . L L
     . . B B . . L L
 """)
+# %% tags=["hide-input"]
 bars = {}
 for city in (village, other):
     world = Safe(city)
@@ -224,7 +236,7 @@ for city in (village, other):
     flown["greedy"] = evaluate(world, Greedy(world), VILLAGE, 300, seed=2)
     bars[city.name] = {name: flights.returns.mean() for name, flights in flown.items()}
 
-# %%
+# %% tags=["hide-input"]
 figure = Figure(figsize=(7.5, 2.6), layout="constrained")
 for ax, (city, means) in zip(figure.subplots(1, 2, sharex=True), bars.items()):
     ax.barh(list(means), list(means.values()), color=["0.7", "C1", "C0", "grey"])
@@ -233,20 +245,23 @@ for ax, (city, means) in zip(figure.subplots(1, 2, sharex=True), bars.items()):
 figure
 
 # %% [markdown]
-# Over its own village a minute of learning brings an agent near the rule. Over the hamlet it loses
-# much of that, because it has only ever seen one city: what it knows by heart (8.5) is wrong there.
-# Greedy looks up its ways in any map. What would help? **Many cities** to learn in: see 9.5.
+# Over its own village half a minute of learning brings an agent near the rule. Over the hamlet it flies
+# worse than chance, although it sees the map: it has only ever seen one city, and what it knows by
+# heart (8.5) is wrong there. What it was *told* is right there, too, but in training it could do
+# without. Greedy looks up its ways in any map. What would help? **Many cities** to learn in: see 9.5.
 #
 # ### The last flight
 #
-# Your agent with both gifts, greedy, and your agent of notebook 7, one mission, side by side. Change
-# the number of the mission and fly again:
+# Your agent with both gifts, greedy, and your agent of notebook 7: one mission, side by side. Who brings
+# home more, and who needs less time? Change the number of the mission and fly again:
 
 # %%
 mission, world = missions[[0]], Safe(village)
-best = FunctionPolicy(lambda state: learned["failsafe and told"][0](*told(state)).detach().argmax(1).numpy())
-last = {"your agent, guarded and told": best, "greedy": Greedy(world), "your agent": yours.over(village)}
-play(world, {name: fly(world, one, mission, np.random.default_rng(7)).trajectory(0) for name, one in last.items()})
+network = learned["failsafe and told"][0]
+best = FunctionPolicy(lambda state: network(*told(state)).detach().argmax(1).numpy())
+last = {"guarded and told": best, "greedy": Greedy(world), "your agent of 7": yours.over(village)}
+flown = {name: fly(world, one, mission, np.random.default_rng(7)) for name, one in last.items()}
+play(world, {name: flights.trajectory(0) for name, flights in flown.items()})
 
 # %% [markdown]
 # ## 9.3 Copy
@@ -278,15 +293,15 @@ play(world, {name: fly(world, one, mission, np.random.default_rng(7)).trajectory
 #
 # $$L=-A\,\log\pi(a\mid s)$$
 #
-# A method that changes the probabilities themselves is called a **policy gradient** method (PPO is
-# the best known). It is on-policy (6.1) and uses a flight only once or a few times, whereas DDQN
-# learns from a stored step again and again, so DDQN should be more **sample-efficient**. [A map of the
-# field](../docs/tutorials/map_of_the_field.md) shows the place of these and other methods.
+# A method that changes the probabilities themselves is a **policy gradient** method (PPO is the best
+# known). It is on-policy (6.1) and uses a flight only once or a few times, whereas DDQN learns from a
+# stored step again and again, so it should be more **sample-efficient** ([a map of the
+# field](../docs/tutorials/map_of_the_field.md)).
 #
 # The picture at the top shows the result over Manhattan, and this table by how much each pilot is
 # ahead of the rule, mission by mission:
 
-# %%
+# %% tags=["hide-input"]
 print(f"{'':<34}{'return':>8}{'ahead of greedy':>18}{'95 % interval':>20}")
 for name, values in ladder.items():
     mean, low, high = bootstrap_interval(values - rule)
@@ -351,11 +366,9 @@ for name, each in flown.items():
 # any city, and what it is told is computed from your map. On average over many cities it is ahead of
 # greedy, but in a single city either may win.
 #
-# Could the agent fly a real UAV? The difference between a simulator and the street is called the
-# **sim-to-real gap**: our UAV knows its exact position, the map and the data left, meets no wind, and
-# saves time where a real UAV saves energy. Before a real flight, put realistic errors into the
-# evaluation one at a time, see which costs most, and train with that error drawn at random (**domain
-# randomisation**).
+# Could the agent fly a real UAV? Our UAV knows its exact position, the map and the data left, and meets
+# no wind: that is the **sim-to-real gap**. Before a real flight, put such errors into the evaluation
+# one at a time, see which costs most, and train with it drawn at random (**domain randomisation**).
 #
 # ### Why learn at all?
 #

@@ -1,3 +1,11 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+# ---
+
 # %% [markdown]
 # # Exercises 7 · Your agent learns to fly
 #
@@ -36,7 +44,7 @@ import torch
 from torch import nn
 
 from uavdh_lite.course import checks
-from uavdh_lite.course.checks.notebook_07 import RUNS
+from uavdh_lite.course.given import RUNS
 from uavdh_lite.environment import Rewards
 
 # %% [markdown]
