@@ -217,8 +217,6 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # result moves along with the picture only if that moves by a multiple of the stride. Moved by a
 # single cell, the building falls between other windows, and what comes out is different.
 #
-# So far: a window asks one question everywhere. Next: whether that helps.
-#
 # ## 5.6 One question, three networks
 #
 # We ask three networks one question: **is a device near the UAV**, within three rows and three

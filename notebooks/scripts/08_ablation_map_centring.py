@@ -242,8 +242,8 @@ Quiz("more_missions")
 # Mission by mission, the interval is narrower, for the same flights. Two warnings. These intervals
 # are about the luck of the missions, for *this* agent; another seed gives another agent. And
 # overlapping intervals of two pilots do not mean that there is no difference: look at the interval
-# *of the difference*. [Notebook 10](10_evaluation.ipynb) has more tools: the bootstrap, permutation,
-# and what to do when many things are compared.
+# *of the difference*. [Before you believe a surprise](../docs/tutorials/surprises.md) has more tools:
+# permutation tests, many comparisons, how many runs a claim needs.
 #
 # ## 8.4 Why do `plain` and `lite` disagree?
 #

@@ -118,9 +118,8 @@ class Safe(Environment):
         return np.where(too_late, self.way_home[state.city, state.uav_cell], action)
 
 # %% [markdown]
-# Many drones have such a **failsafe**, *return to home*. A rule that corrects an agent's actions is
-# also called a **shield**. Try it with the worst pilot, and break it: count the moves home, and forget
-# the unit that landing takes.
+# Many drones have such a **failsafe**; a rule that corrects an agent's actions is also called a
+# **shield**. Try it with the worst pilot, and break it: forget the unit that landing takes.
 
 # %%
 from dataclasses import replace
@@ -267,10 +266,8 @@ play(world, {name: flights.trajectory(0) for name, flights in flown.items()})
 # ## 9.3 Copy
 #
 # Two gifts are left, and they take more than a minute. The *genie* is a planner that searches over
-# whole flights and knows the rate of every link without fading. It lets many flights grow step by
-# step, drops those that cannot get home or can no longer become the best, and keeps of those in the
-# same cell with the same devices emptied only the few that have collected most. It is better than any
-# agent here, but it has to search anew for each mission, and it needs the formulas of the channel.
+# whole flights and knows the rate of every link without fading. It is better than any agent here, but
+# it has to search anew for each mission, and it needs the formulas of the channel.
 #
 # Can a network do at a glance what the genie does after a search? Let the genie fly, write down its
 # action in each state, and train a network on these examples with the **cross-entropy**, a measure of
@@ -278,8 +275,7 @@ play(world, {name: flights.trajectory(0) for name, flights in flown.items()})
 #
 # $$L=-\log\pi(a_\text{genie}\mid s)$$
 #
-# This is **imitation learning**, or *behavioural cloning*: the training loop of notebook 5 with
-# another loss; rewards play no part in it.
+# This is **imitation learning**, or *behavioural cloning*; rewards play no part in it.
 #
 # ## 9.4 Learn on
 #

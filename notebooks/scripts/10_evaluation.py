@@ -189,7 +189,7 @@ for count in (995, 999, 1000):
 # The simple interval goes past 100 % in the second line and shrinks to a point in the third. Wilson's does neither: after 1000
 # landings it says that the share is at least 99.6 %.
 #
-# Scores that are more than a yes or no, such as *collected*, get their intervals from the **bootstrap**, which draws as many results from the recorded ones *with replacement* (some twice, some not at all), takes the mean, repeats this many times, and records how much the mean varies. Both kinds of interval allow
+# Scores that are more than a yes or no, such as *collected*, get their intervals from the **bootstrap** (drawing results again, with replacement). Both kinds of interval allow
 # for luck in the missions, but not for luck in training. For a claim about a *method*, the sample has to consist of training runs.
 #
 # ## 10.3 Next to the planners
@@ -404,26 +404,7 @@ figure
 # data it flies right up to the far device; with only a quarter of the data there, it turns for home
 # two cells short of it. In all 20 draws, the flight with a quarter of the data is the shorter one.
 #
-# ## 10.10 Before you believe a surprise
-#
-# **Could luck alone have caused the gap?** Three runs of one method are above three of another. Look
-# only at the ranks of the six. If the methods were equally good, each of the 20 ways to give three of
-# six ranks to the first would be equally likely, and in two of them, or 10 %, one method has the three
-# best. This share is called a **p-value**, and going through all the ways of dealing out the results is
-# a **permutation test** (exercise 8.3). With three runs of each kind its p-value can never fall below
-# 10 %; with six of each there are 924 ways, and it can. A difference with a p-value below 5 % is often
-# called **statistically significant**. That does not make it large, and one that is not significant
-# has not been shown to be 0. Nor is the p-value the probability that the methods are equally good.
-#
-# **How many things did you compare?** Suppose that five parts of a recipe are taken away, each on its
-# own, and that none of them matters. Then in nearly one such study in four, at least one comparison
-# has a p-value below 5 %. So name the main comparison beforehand, or ask for p-values below 5 %
-# divided by the number of comparisons (**Bonferroni**), or repeat the surprising comparison with new
-# seeds.
-#
-# **Were there enough runs?** To detect, at the 5 % level and in four studies out of five, a gap as
-# large as the standard deviation of the runs, you need about 17 runs of each kind (the **power** of a
-# test). With three runs, only a far larger gap is likely to show.
+# More: [Before you believe a surprise](../docs/tutorials/surprises.md).
 #
 # ## Recap
 #

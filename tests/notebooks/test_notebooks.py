@@ -189,7 +189,8 @@ def test_jupytext_opens_the_script_by_itself_and_its_first_cell_runs(script, tmp
     assert cells == [cell.source for cell in code(execute.from_script(script))]
     for source in cells:
         ast.parse(shell.transform_cell(source))
-    compile(script.read_text(encoding="utf-8"), script.name, "exec")
+    waits = ast.PyCF_ALLOW_TOP_LEVEL_AWAIT  # for the training in 7
+    compile(script.read_text(encoding="utf-8"), script.name, "exec", flags=waits)
     monkeypatch.chdir(script.parent)
     exec(compile(shell.transform_cell(cells[0]), script.name, "exec"), {})
     assert Path.cwd() == NOTEBOOKS

@@ -83,7 +83,6 @@ ALLOWED = {
     "streams.py": {"default_rng", "SeedSequence"},
     "gymnasium.py": {"SeedSequence"},  # for a seed that nobody chose
     "training.py": {"manual_seed"},
-    "one_file.py": {"manual_seed"},
     "fleet.py": {"manual_seed"},  # of the generator on the accelerator
     "one_file.py": {"manual_seed"},
 }
