@@ -280,6 +280,8 @@ play(environment, flights.trajectory(0))
 # 3. *Target network: frozen*, after some 10,000 steps. What happens to what it has learned?
 # 4. *Memory: 320*, the last twenty steps of each UAV. What does a small memory lack (6.2)?
 # 5. *Temperature: 1000*. Now it flies at random. Does it still learn?
+#
+# (The lab *Train*, `python -m uavdh_lite app`, has such dials, too, and needs no kernel.)
 
 # %%
 from uavdh_lite.course.quiz import Quiz
