@@ -4,6 +4,7 @@ import html
 import re
 import tomllib
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,8 @@ def draw_exam(seed: int, count: int = 12) -> list[Question]:
     every = questions()
     if not 1 <= count <= len(every):
         raise InputError(f"{count} questions: there are {len(every)}, and one must be asked")
-    generator, turns = stream(Use.EXERCISE, seed), {}
+    generator = stream(Use.EXERCISE, seed)
+    turns: dict[int, list[int]] = {}
     for place in generator.permutation(len(every)).tolist():
         turns.setdefault(every[place]["notebook"], []).append(place)
     first = [place for turn in zip(*turns.values(), strict=True) for place in turn]
@@ -90,6 +92,6 @@ def write_exam(folder: Path, seed: int, count: int = 12) -> list[Path]:
         page = f"<!doctype html><meta charset=utf-8><title>{title}</title><style>{STYLE}</style>"
         page += f"<h1>{title}</h1><p>A pocket calculator is allowed.<ol>{items}</ol>"
         path = folder / f"exam-{seed}-{name}.html"
-        write_atomically(path, lambda new, page=page: new.write_text(page, encoding="utf-8"))
+        write_atomically(path, partial(Path.write_text, data=page, encoding="utf-8"))
         written.append(path)
     return written
