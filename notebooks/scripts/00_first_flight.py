@@ -79,12 +79,10 @@ trajectory_figure(environment, flights.trajectory(0))
 # later rewards counting less. Learning of this kind, by trial and error and from rewards, is called
 # **reinforcement learning**.
 #
-# The full name of this agent is `manhattan_ddqn`, but in this course we simply call it **the
-# agent**. The course's library, `uavdh_lite`, contains other agents. We use this one because it was
-# trained with the method that the course teaches, the *double deep Q-network*, or **DDQN**. The
-# course follows a 2020 article by Bayerlein and others, which uses this method to collect data with
-# a UAV; we call this article *the paper*. Our agent was trained with a strengthened version of the
-# paper's method, and notebook 7 names the main changes.
+# This agent, `manhattan_ddqn`, was trained with the method that the course teaches, the *double
+# deep Q-network*, or **DDQN**. In this course we simply call it **the agent**. The method is that
+# of a 2020 article by Bayerlein and others; we call this article *the paper*. Our agent's version
+# of it is strengthened, and notebook 7 names the main changes.
 #
 # ## 0.2 Reading a flight
 #
@@ -103,9 +101,7 @@ play(environment, flights.trajectory(0))
 # - Each **cross** is a device. The number beside it says how many data units the device holds at
 #   the start. (In the player, the number on a device is its name.)
 # - Each **arrow** is one step, which takes one unit of time. Its colour shows which device sent the
-#   most data during that step; black means that no device sent anything. Arrows are drawn a little
-#   to one side of the cells' centres, so that you can tell the way out from the way back.
-#   A **ring** marks hovering.
+#   most data during that step; black means that no device sent anything. A **ring** marks hovering.
 # - A **thick** arrow means a lot of data; a thin one, only a little.
 # - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices
 #   are hidden from the cell.
@@ -132,10 +128,8 @@ for name, values in flights.records().items():
 # | `safety_interventions` | how often a forbidden action was refused |
 #
 # The score to watch is `collected_and_landed`, because data that goes down with the UAV counts for
-# nothing. The return would not be a fair score by itself: it is large whenever a mission offers a
-# lot of data, and it depends on penalties that people chose. Nor does any of the six metrics say
-# how fairly the devices were served; where fairness matters, also report the collected share of the
-# worst-served device.
+# nothing. The return is no fair score by itself: it is large whenever a mission offers a lot of
+# data.
 #
 # The UAV may not leave the map, fly into a tall building or a no-fly zone, or land outside the
 # landing zones. If it tries to, the *safety controller* makes it hover instead. Notebook 3 returns
@@ -211,8 +205,8 @@ for name, each in flown.items():
 # order of its visits hardly depends on the flying time. The random pilot wanders about, and lands
 # as soon as it happens to draw `land` in the right place.
 #
-# One flight proves nothing, though. We chose this mission, and in others, greedy beats the agent. A
-# fair race needs many missions, drawn at random and the same for all three pilots.
+# One flight proves nothing, though: in other missions, greedy beats the agent. A fair race needs
+# many missions, drawn at random and the same for all three pilots.
 #
 # ## 0.5 Two thousand missions
 #
@@ -270,22 +264,19 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # the two devices in the east still hold nearly all of their data. The agent cannot see them: at
 # every step they are 14 or 15 columns east of it, in a strip of the map that its network never
 # reads (5.5). Even this flight ended in a landing zone, as all two thousand did, although nothing
-# forced it to. (A crash would be marked by a red star and would score 0, however much data had been
-# collected.)
+# forced it to.
 #
-# Does this agent always land, then? Two thousand landings in a row do not prove it. Even a pilot
-# that crashes in one mission out of a thousand would manage such a run about once in seven tries.
-# By the **rule of three**, after $n$ missions without a crash, the true share of crashes may still
-# be as large as $3/n$ (at 95 % confidence), which is 0.15 % here.
+# Does this agent always land, then? Two thousand landings in a row do not prove it. By the **rule
+# of three**, after $n$ missions without a crash, the true share of crashes may still be as large as
+# $3/n$ (at 95 % confidence), which is 0.15 % here.
 #
 # ## 0.6 What the agent knows
 #
 # The agent sees the map of the city, its own position, the positions of the devices (except those
 # too far south or east of it, see 5.5), how much data each of them still has and has already sent,
-# and the time left. It does not see the violet shadows. It can only have noticed them in training,
-# where little reward came in behind buildings. Nor does it know the formulas of the radio channel.
-# It makes no plan, either. At every step it asks afresh which of the six actions looks most
-# promising.
+# and the time left. It does not see the violet shadows. Nor does it know the formulas of the radio
+# channel. It makes no plan, either. At every step it asks afresh which of the six actions looks
+# most promising.
 #
 # For each action its network gives a number, the **Q-value**: the sum of the rewards that it
 # expects from now on if the agent takes that action and flies well afterwards. Later rewards count
@@ -303,11 +294,10 @@ for action, value in zip(ACTIONS, q_values):
 # %% [markdown]
 # These six numbers are the network's whole output. Notebook 6 is about how it learns them.
 #
-# Here is the plan of the course. Notebooks 1 and 2 show what the radio channel does. Notebook 3
-# says what a step is and what it earns. Notebooks 4 and 5 show what the network sees and how it
-# computes, and notebooks 6 and 7 how it learns and what can go wrong. Notebook 8 asks what the
-# agent has learned, and in notebook 9 an agent beats greedy. In the exercises you program the main
-# parts of the channel, the environment and the agent yourself.
+# Here is the plan of the course. Notebooks 1 to 3 are about the world: the radio channel, shadows,
+# and what a step earns. Notebooks 4 to 7 are about the learner: what the network sees, how it
+# computes and how it learns. Notebook 8 asks what the agent has learned, and in notebook 9 an agent
+# beats greedy.
 #
 # The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
 # In the lab *Fly* you can use the arrow keys to fly against the agent.

@@ -73,8 +73,7 @@ for name, value in vars(state).items():
 # %% [markdown]
 # Here a cell is given by one number, row · 16 + column, so 17 is row 1, column 1. The state has
 # room for five devices, but this episode uses only two. The outer brackets are there because the
-# library can fly many episodes together, as a *batch*. `city` is the city's index; it is 0, because
-# there is only one city.
+# library can fly many episodes together, as a *batch*.
 #
 # Why does the state contain the time left? With 40 units of time left, flying on may be best. In
 # the same place with only 5 units, the UAV may have to land.
@@ -111,8 +110,7 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # strongly later rewards count (notebook 6). Our world is an MDP because fading is drawn anew in
 # every slot; if good luck came in runs, the state would have to include past luck. The time left,
 # too, has to be in the state, because it decides when the episode ends. If an agent sees only part
-# of the state, the process is *partially observable*, and the problem is called a **POMDP**. A
-# POMDP is usually harder than an MDP, because the agent may need to remember what it saw earlier.
+# of the state, the process is *partially observable*, and the problem is called a **POMDP**.
 #
 # ## 3.3 What a step earns
 #
@@ -193,11 +191,10 @@ for action in (NORTH, NORTH):
 # a wall.
 #
 # One could also remove the forbidden actions from the agent's choices, which is called **masking**.
-# Then the agent would not have to learn where the walls are. The paper lets the agent try such
-# actions and pay for them, so it must learn which actions are forbidden.
+# The paper lets the agent try such actions and pay for them, so it must learn where the walls are.
 #
 # One disaster remains: the time is up, and the UAV is still in the air. Nothing is uploaded in a
-# step that ends an episode, whether by a crash or by a landing. (The paper leaves this open.)
+# step that ends an episode, whether by a crash or by a landing.
 
 # %%
 Quiz("the_last_step")
@@ -210,9 +207,8 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # %% [markdown]
 # On average, **even a perfect pilot collects less than 100 % of the data**. Missions are drawn at
 # random, and nobody checks whether all of their data can be collected. Five devices in far corners
-# may be too many for any route of 35 units of time; a device in a courtyard may cost more to reach
-# than its data is worth; and fading may bring bad luck. So compare a pilot with the best possible
-# one, not with 100 %.
+# may be too many for any route of 35 units of time, and fading may bring bad luck. So compare a
+# pilot with the best possible one, not with 100 %.
 #
 # ## 3.5 Who may send: four slots per step
 #
@@ -259,8 +255,7 @@ figure
 # loudest never sends. The rule therefore need not give the best schedule.
 #
 # Why is "serve device 2" not one of the agent's actions? If it were, the agent would have to learn
-# what a simple rule already does well. Even without such an action the agent has a say, because
-# where it flies affects which device is loudest.
+# what a simple rule already does well.
 #
 # From slot to slot the UAV moves on: in slot $i$ it has flown $i/4$ of its move. In the next figure
 # it flies east, past the corner of a building. Fading is left out:
@@ -313,8 +308,7 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 # until that device is empty, and from there it is a long way to the other. You had a map of the
 # shadows to plan with. The agent has no such map, yet it, too, brings everything home.
 #
-# One mission shows only that a good rule can be beaten. In the lab *Fly* you can fly many more
-# missions, with the arrow keys.
+# In the lab *Fly* you can fly many more missions, with the arrow keys.
 #
 # ## Recap
 #
