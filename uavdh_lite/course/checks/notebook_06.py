@@ -27,16 +27,17 @@ def expected(q, beta):
         "next Q-values, each weighted by the probability with which the softmax policy draws its "
         "action.": [(1, 1.0, 1.0, 0), (2, 1.0, 1.0, 0), (8, 1.0, 1.0, 0)],
         "The value of the next state is multiplied by γ; the reward counts in full.": [
-            (2, 0.5, 1.0, 0), (3, 0.0, 1.0, 0),
+            (2, 0.5, 1.0, 0),
+            (3, 0.0, 1.0, 0),
         ],
         "The policy has the temperature that is handed in: the lower it is, the more the best "
         "action counts.": [(2, 0.9, 0.1, 0), (4, 0.9, 10.0, 0)],
         "At the end of an episode the target is the reward alone.": [
-            (1, 0.9, 1.0, 2), (6, 0.8, 1.0), (32, 0.8, 0.5),
+            (1, 0.9, 1.0, 2),
+            (6, 0.8, 1.0),
+            (32, 0.8, 0.5),
         ],
-        "Q-values may be near 1000: `torch.softmax` does not overflow.": [
-            (3, 0.9, 0.1, 0, 1000.0),
-        ],
+        "Q-values may be near 1000: `torch.softmax` does not overflow.": [(3, 0.9, 0.1, 0, 1000.0)],
     },
     mistakes={
         "That is the largest Q-value, the target of Q-learning. Here the mean counts, weighted by "
@@ -79,12 +80,16 @@ def draw_exploration(ax, solution):
     figure=draw_exploration,
     rules={
         "Without exploration, ε = 0, the best action of each row has probability 1.": [
-            (1, 6, 0.0), (3, 6, 0.0),
+            (1, 6, 0.0),
+            (3, 6, 0.0),
         ],
         "With ε = 1 all actions are equally likely.": [(1, 6, 1.0), (2, 4, 1.0)],
         "With probability ε the action is drawn from *all* actions, the best one included. So each "
         "has ε divided by their number, and the best has 1 − ε more.": [
-            (1, 6, 0.3), (5, 6, 0.1), (2, 4, 0.5), (2, 3, 0.25),
+            (1, 6, 0.3),
+            (5, 6, 0.1),
+            (2, 4, 0.5),
+            (2, 3, 0.25),
         ],
     },
     mistakes={
@@ -115,10 +120,15 @@ def errors(count, spread=1.0):
     rules={
         "The step with the largest error has rank 1 and the weight 1; the next has rank 2 and the "
         "weight 1/2, and so on. Divide by the sum, so that the probabilities add up to 1.": [
-            (1,), (2,), (3,), (5,), (40,),
+            (1,),
+            (2,),
+            (3,),
+            (5,),
+            (40,),
         ],
         "Only the order counts: how large the errors are makes no difference.": [
-            (4, 0.01), (4, 100.0),
+            (4, 0.01),
+            (4, 100.0),
         ],
     },
     mistakes={
@@ -203,7 +213,8 @@ def made(fault=""):
         "y is the reward plus γ times the target network's largest Q-value of the next cell, and a "
         "number: computed inside `torch.no_grad()`.": [(1, 0.9, 0.0, 1, 0.0)],
         "Where the episode ended, y is the reward alone: the second part times (1 − ended).": [
-            (2, 0.9, 0.0, 1, 1.0), (3, 0.9, 0.0, 1, 0.5),
+            (2, 0.9, 0.0, 1, 1.0),
+            (3, 0.9, 0.0, 1, 0.5),
         ],
         "After every update each weight of the target network moves the share τ of the way to the "
         "online one, in place, as `old.lerp_(new, tau)` does. `old = …` only gives the name to "

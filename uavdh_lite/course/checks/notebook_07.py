@@ -50,7 +50,8 @@ Head = dueling(lambda v, a: v + a - a.mean(1, keepdim=True))
     "7.1 · A dueling head (3 points, 20 minutes)",
     rules={
         "For each row Q is the value plus the advantages, less their mean over the six actions.": [
-            (3, 1), (8, 1),
+            (3, 1),
+            (8, 1),
         ],
         "Each row has its own value and its own mean: `mean(1, keepdim=True)`.": [(3, 2), (8, 5)],
     },
@@ -127,27 +128,41 @@ def stored(length, ends, n, discount):
     "7.3 · The n-step return (2 points, 15 minutes)",
     rules={
         "With n = 1 the target is rewards[0] plus γ times values[1], the value of the next "
-        "state.": [
-            (3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0),
-        ],
+        "state.": [(3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0)],
         "Reward k is multiplied by γ^k. After m rewards comes γ^m values[m], with the value of "
         "state m.": [
-            (3, (), 2, 0.5), (3, (), 2, 1), (6, (), 2, 0.9), (6, (), 3, 0.8), (6, (), 5, 0.3),
+            (3, (), 2, 0.5),
+            (3, (), 2, 1),
+            (6, (), 2, 0.9),
+            (6, (), 3, 0.8),
+            (6, (), 5, 0.3),
             (40, (), 30, 0.95),
         ],
         "A terminal step among the first m ends the sum with its own reward, and no value is "
         "added.": [
-            (6, (2, 4), 3, 0.8), (6, (2, 4), 4, 0.95), (6, (2, 4), 5, 1.0),
-            (5, (0,), 1, 0.7), (5, (0,), 3, 0.95), (4, (0, 1, 2, 3), 2, 0.6),
+            (6, (2, 4), 3, 0.8),
+            (6, (2, 4), 4, 0.95),
+            (6, (2, 4), 5, 1.0),
+            (5, (0,), 1, 0.7),
+            (5, (0,), 3, 0.95),
+            (4, (0, 1, 2, 3), 2, 0.6),
         ],
         "A terminal step after the first m belongs to the future: the value of state m counts.": [
-            (6, (2, 4), 1, 0.8), (6, (2, 4), 2, 0.8), (6, (5,), 4, 0.9), (6, (5,), 5, 0.9),
+            (6, (2, 4), 1, 0.8),
+            (6, (2, 4), 2, 0.8),
+            (6, (5,), 4, 0.9),
+            (6, (5,), 5, 0.9),
         ],
         "Where fewer than n steps are stored, m = T: sum their rewards, then add γ^T values[T].": [
-            (6, (), 7, 0.9), (1, (), 3, 0.4), (3, (), 3, 0.5), (3, (), 1000, 0.5),
+            (6, (), 7, 0.9),
+            (1, (), 3, 0.4),
+            (3, (), 3, 0.5),
+            (3, (), 1000, 0.5),
         ],
         "Where fewer than n steps are stored, a terminal step still ends the sum.": [
-            (6, (2, 4), 9, 0.8), (4, (3,), 5, 0.9), (1, (0,), 2, 0.9),
+            (6, (2, 4), 9, 0.8),
+            (4, (3,), 5, 0.9),
+            (1, (0,), 2, 0.9),
         ],
     },
     case=stored,
