@@ -20,7 +20,7 @@ from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import load_cities
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import Flights, bootstrap_interval, evaluate
+from uavdh_lite.evaluation import Flights, evaluate, paired_interval
 from uavdh_lite.experiments.comparison import share
 from uavdh_lite.planners import Greedy
 from uavdh_lite.provenance import provenance
@@ -54,18 +54,17 @@ def row(name: str) -> dict:
     environment, scenario = agent.environment, agent.scenario
     fly = lambda policy, count: evaluate(environment, policy, scenario, count, SEED)  # noqa: E731
     mine, greedy = fly(agent, EPISODES), fly(Greedy(environment), EPISODES)
-    several = len(environment.cities) > 1
     ours, theirs = mine.records(), greedy.records()
     found = {"agent": name, "missions": EPISODES, "landed": ours["landed"].mean()}
     found["straight_home"] = straight_home(mine, environment)
     found["time_used"] = ours["time_used"].mean()
     count = WITH_GENIE[max(16, environment.size)]
     genie, again = (fly(policy, count) for policy in (Genie(environment), agent))
-    groups, same = (f.start.city if several else np.arange(len(f.end)) for f in (mine, again))
     for metric, factor in METRICS.items():
         found[metric], found[f"{metric}_of_greedy"] = ours[metric].mean(), theirs[metric].mean()
-        ahead = bootstrap_interval(factor * (ours[metric] - theirs[metric]), groups=groups)
-        part = share(again.records()[metric], genie.records()[metric], same)
+        lead = factor * (ours[metric] - theirs[metric])
+        ahead = paired_interval(lead, mine.start.city)
+        part = share(again.records()[metric], genie.records()[metric], again.start.city)
         for what, interval in (("ahead", ahead), ("share", part)):
             names = (f"{metric}_{what}{end}" for end in ("", "_low", "_high"))
             found |= dict(zip(names, interval, strict=True))

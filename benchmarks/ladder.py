@@ -4,8 +4,8 @@
 
 All rows fly the same random missions of seed 50000, which nothing else uses, with the same fading.
 Of what is learned, the agents of all seeds fly. A row has means over missions and seeds, and the
-differences to the greedy rule, mission by mission. Its 95 % intervals draw missions and seeds
-again, both at once (`crossed_interval`).
+differences to the greedy rule, mission by mission. Its 95 % intervals are for other seeds and
+other missions (`runs_interval`).
 
 The genie takes longest, so it flies fewer missions of the seed, which greedy and the teacher fly,
 too. They are drawn together, so they are not the first ones of the others.
@@ -28,13 +28,12 @@ import torch
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import Environment, State
-from uavdh_lite.evaluation import Interval, Policy, evaluate, in_flight, mean_interval
+from uavdh_lite.evaluation import Policy, evaluate, in_flight, runs_interval
 from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.provenance import provenance
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_atomically, write_json, write_table
-from uavdh_lite.streams import Use, stream
 
 DATA = Path(__file__).parents[1] / "data"
 KEPT = DATA.parent / "build" / "ladder"
@@ -150,23 +149,6 @@ def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np
     return records, steps
 
 
-def crossed_interval(values: np.ndarray) -> Interval:
-    """The mean of values of S seeds on N missions, (S, N), with its 95 % interval.
-
-    It draws missions again and, if there are several, seeds: 2000 times, both at once. Of one seed
-    it says nothing about others. For values of one seed that are all 0 or 1 it is Wilson's.
-    """
-    seeds, missions = values.shape
-    if seeds == 1:
-        return mean_interval(values[0])
-    generator = stream(Use.BOOTSTRAP)
-    means = np.empty(2000)
-    for i in range(len(means)):
-        of_seeds = values[generator.integers(0, seeds, seeds)].mean(axis=0)
-        means[i] = of_seeds[generator.integers(0, missions, missions)].mean()
-    return Interval(float(values.mean()), *map(float, np.quantile(means, [0.025, 0.975])))
-
-
 def summary(flown: list[dict[str, np.ndarray]], greedy: dict[str, np.ndarray]) -> dict[str, float]:
     """Means of a row, and what it is ahead of greedy on the same missions, with intervals."""
     found: dict[str, float] = {}
@@ -175,7 +157,7 @@ def summary(flown: list[dict[str, np.ndarray]], greedy: dict[str, np.ndarray]) -
         values[f"{metric}_ahead"] = values[metric] - greedy[metric]
     for name, value in values.items():
         ends = (name, f"{name}_low", f"{name}_high")
-        found |= dict(zip(ends, crossed_interval(value), strict=True))
+        found |= dict(zip(ends, runs_interval(value), strict=True))
     return found
 
 

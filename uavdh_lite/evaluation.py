@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.special import stdtrit
 
 from uavdh_lite.city import described, fingerprint_of
 from uavdh_lite.environment import HOVER, REPORTED, Environment, Outcome, State, checked_actions
@@ -246,20 +247,59 @@ def mean_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Inter
     """The mean of values, (N,), with Wilson's interval if all are 0 or 1, else the bootstrap's.
 
     What is 0 or 1 says yes or no, such as `landed`. Of rare events the bootstrap would be too sure.
-    Over several `groups`, such as cities, the interval is always that of `bootstrap_interval`. A
-    single value has none: it is a point.
+    Over several `groups`, such as cities, the interval is that of `groups_interval`, and does not
+    leave 0 to 1 where all values are shares. A single value has none: it is a point.
 
     Raises `InputError` if there are no values.
     """
     if not len(values):
         raise InputError("no values: they have no mean")
-    wilson = len(values) > 1 and _alone(groups) and np.isin(values, (0, 1)).all()
-    return wilson_interval(values) if wilson else bootstrap_interval(values, groups)
+    several = groups is not None and len(np.unique(groups)) > 1
+    if len(values) > 1 and not several and np.isin(values, (0, 1)).all():
+        return wilson_interval(values)
+    mean, low, high = paired_interval(values, groups)
+    shares = (values >= 0).all() and (values <= 1).all()
+    return Interval(mean, max(low, 0.0), min(high, 1.0)) if shares else Interval(mean, low, high)
 
 
-def _alone(groups: np.ndarray | None) -> bool:
-    """Whether the values are independent of each other: no groups, or all of them in one."""
-    return groups is None or bool((groups == groups[0]).all())
+def groups_interval(values: np.ndarray, groups: np.ndarray) -> Interval:
+    """The mean of values, (N,), with a 95 % interval for other groups of the same kind.
+
+    The values of a group, such as the missions of one city, have much in common, so that the groups
+    are what was drawn. Their number decides how sure the mean is: by Student's t with one less.
+
+    Arguments:
+        groups: which values belong together, (N,); two groups at least.
+    """
+    mean, (_, member) = values.mean(), np.unique(groups, return_inverse=True)
+    deviations = np.bincount(member, values - mean) / len(values)
+    count = len(deviations)
+    variance = count / (count - 1) * (deviations**2).sum()
+    half = stdtrit(count - 1, 0.975) * np.sqrt(variance)
+    return Interval(float(mean), float(mean - half), float(mean + half))
+
+
+def runs_interval(values: np.ndarray) -> Interval:
+    """The mean of S training runs on the same N missions, (S, N), with its 95 % interval.
+
+    It is for other runs on other missions. How much the runs differ beyond what a mission and a run
+    have by chance counts by Student's t with S − 1 degrees of freedom, how much the missions differ
+    by the normal distribution; both halves add in square. Of one run it is `mean_interval`, which
+    says nothing about others.
+    """
+    runs, missions = values.shape
+    if runs == 1:
+        return mean_interval(values[0])
+    mean, of_run, of_mission = values.mean(), values.mean(axis=1), values.mean(axis=0)
+    # Mean squares of an analysis of variance in two ways
+    between_runs = missions * of_run.var(ddof=1)
+    between_missions = runs * of_mission.var(ddof=1)
+    rest = ((values - of_run[:, None] - of_mission + mean) ** 2).sum()
+    rest /= (runs - 1) * (missions - 1)
+    trained = stdtrit(runs - 1, 0.975) ** 2 * max(between_runs - rest, 0)
+    flown = stdtrit(missions - 1, 0.975) ** 2 * max(between_missions, rest)
+    half = np.sqrt((trained + flown) / values.size)
+    return Interval(float(mean), float(mean - half), float(mean + half))
 
 
 def wilson_interval(values: np.ndarray) -> Interval:
@@ -275,30 +315,18 @@ def wilson_interval(values: np.ndarray) -> Interval:
     return Interval(share, float(low), float(high))
 
 
-def bootstrap_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Interval:
+def bootstrap_interval(values: np.ndarray) -> Interval:
     """The mean of independent values, (N,), with its 95 % percentile bootstrap interval.
 
     If all values are equal, the interval is a point; that does not mean certainty.
-
-    Arguments:
-        groups: which values belong together, (N,), such as the missions of one city. Then whole
-            groups are drawn again: the interval is for missions in other cities of the same kind.
-            If all are in one group, it is for more values of that group.
     """
-    counts, sums = drawn_again(groups, np.ones(len(values)), values)
-    low, high = np.quantile(sums / counts, [0.025, 0.975])
+    generator, count = stream(Use.BOOTSTRAP), len(values)
+    means = [values[generator.integers(0, count, count)].mean() for _ in range(2000)]
+    low, high = np.quantile(means, [0.025, 0.975])
     return Interval(float(values.mean()), float(low), float(high))
 
 
-def drawn_again(groups: np.ndarray | None, *columns: np.ndarray) -> np.ndarray:
-    """The sum of each column, (N,), over values or whole groups that are drawn again, 2000 times.
-
-    All columns get the same draws. Returns (columns, 2000).
-    """
-    if groups is None or _alone(groups):
-        groups = np.arange(len(columns[0]))
-    _, member = np.unique(groups, return_inverse=True)
-    by_group = [np.bincount(member, column) for column in columns]
-    generator, count = stream(Use.BOOTSTRAP), len(by_group[0])
-    draws = (generator.integers(0, count, count) for _ in range(2000))
-    return np.array([[sums[drawn].sum() for sums in by_group] for drawn in draws]).T
+def paired_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Interval:
+    """The mean of differences, (N,), with the interval of whole groups if they are of several."""
+    several = groups is not None and len(np.unique(groups)) > 1
+    return groups_interval(values, groups) if several else bootstrap_interval(values)

@@ -32,7 +32,7 @@ from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import load_city, shipped_cities
 from uavdh_lite.course.checks import EXERCISES
 from uavdh_lite.course.exam import questions
-from uavdh_lite.evaluation import Interval, bootstrap_interval, mean_interval
+from uavdh_lite.evaluation import Interval, bootstrap_interval, mean_interval, paired_interval
 from uavdh_lite.experiments.comparison import breakdown, share
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.scenario import Scenario
@@ -265,7 +265,7 @@ def lead(scenario: str) -> str:
             cities = mine.get("city")
             ahead = factor * (mine[metric] - flown["greedy"][metric])
             part = share(mine[metric], flown[BEST_GENIE[metric]][metric], cities)
-            difference = _number(bootstrap_interval(ahead, groups=cities))
+            difference = _number(paired_interval(ahead, cities))
             rows.append([f"`{name}`", label, difference, _percent(part)])
     return _table(["agent", "metric", "minus greedy's", "as a share of the better genie's"], rows)
 

@@ -118,7 +118,7 @@ print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in b
 # Manhattan fly the same missions. All four have the *failsafe*, so a move that would make it impossible to be home in time is never flown.
 
 # %%
-from uavdh_lite.evaluation import bootstrap_interval, evaluate
+from uavdh_lite.evaluation import evaluate, groups_interval, mean_interval
 from uavdh_lite.planners import Greedy, Random
 
 BOTH, missions, pilot = "collected_and_landed", agent.scenario, agent.over(unseen)
@@ -257,15 +257,16 @@ Quiz("what_unseen_proves")
 #
 # A hundred missions in one city say little about cities in general, because they all share the same walls. How much less is a
 # mission worth if others share its city? Fly 400 missions in 12 cities, and compute the interval twice: once as if the missions
-# were independent, and once by resampling whole cities (a **cluster bootstrap**).
+# were independent, and once with whole cities as what was drawn (a **clustered** interval), by Student's $t$ with one less than the
+# number of cities.
 
 # %%
 few = agent.over(load_cities("random:12:7"))
 flown = evaluate(few.environment, few, missions, 400, seed=2)
 values = flown.records()[BOTH]
 for what, groups in (("missions", None), ("cities", flown.start.city)):
-    mean, low, high = bootstrap_interval(values, groups=groups)
-    print(f"{what:<9}drawn again: {mean:.3f} ({low:.3f} to {high:.3f}), width {high - low:.3f}")
+    mean, low, high = mean_interval(values, groups)
+    print(f"{what:<9}as drawn: {mean:.3f} ({low:.3f} to {high:.3f}), width {high - low:.3f}")
 
 # %% [markdown]
 # The second interval is clearly wider. Which one is right? If you want to know about these twelve
@@ -273,20 +274,20 @@ for what, groups in (("missions", None), ("cities", flown.start.city)):
 # next time twelve others will be drawn. If each mission had a city of its own, the two intervals
 # would be the same. If you can choose, therefore, take many cities, with few missions in each.
 #
-# Even the wider interval is somewhat too narrow. Twelve cities say little about how much cities differ, and a
-# bootstrap does not allow for that: with twelve normally distributed values, it contains the true mean nine
-# times in ten, and not nineteen times in twenty. Exercise 13.2 uses Student's factor, which allows for it.
+# Twelve cities say little about how much cities differ. Student's factor, 2.2 for twelve instead of 1.96, allows for
+# that. A bootstrap over the cities would not: it would contain the true mean nine times in ten, and not nineteen
+# times in twenty.
 
 # %%
 Quiz("draw_cities_again")
 
 # %% [markdown]
-# Now look at 13.2 again: is the agent ahead of greedy? Take the paired difference, and resample whole cities:
+# Now look at 13.2 again: is the agent ahead of greedy? Take the paired difference, and count whole cities:
 
 # %%
 lead = 100 * (records["any_city"][BOTH] - records["greedy"][BOTH])
 cities = flights["any_city"].start.city
-mean, low, high = bootstrap_interval(lead, groups=cities)
+mean, low, high = groups_interval(lead, cities)
 print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
@@ -379,7 +380,7 @@ figure
 # - In the centred map, a wall to the east looks the same in every city.
 # - The more cities there are to learn in, the closer the scores over seen and unseen cities come to each other.
 # - *Unseen* means little until you say where the cities come from, so name their source whenever you report a number for unseen cities.
-# - Missions in one city share its walls. For a claim about cities, resample whole cities.
+# - Missions in one city share its walls. For a claim about cities, count whole cities.
 # - If you test for a property that every right answer must have, you can find errors even where nobody knows the
 #   answers.
 #

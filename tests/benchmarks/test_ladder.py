@@ -13,19 +13,6 @@ from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.storage import read_table
 
 
-def test_intervals_draw_seeds_as_well_as_missions():
-    generator = np.random.default_rng(0)
-    missions = generator.standard_normal(400)
-    alike = missions + 0.01 * generator.standard_normal((3, 400))
-    apart = alike + np.array([[-1.0], [0.0], [1.0]])
-    mean, low, high = ladder.crossed_interval(alike)
-    assert mean == pytest.approx(alike.mean())
-    assert high - low == pytest.approx(2 * 1.96 / 20, rel=0.1)  # missions alone
-    _, low, high = ladder.crossed_interval(apart)
-    assert high - low > 1.3  # three seeds, a unit apart
-    assert ladder.crossed_interval(alike[:1]).high < ladder.crossed_interval(apart).high
-
-
 def test_the_recorded_rows_say_what_they_know_and_are_ahead_of_greedy_in_pairs():
     table = read_table(ladder.OUT)
     rows = {(s, r): i for i, (s, r) in enumerate(zip(table["scenario"], table["row"], strict=True))}

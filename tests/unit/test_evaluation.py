@@ -13,7 +13,9 @@ from uavdh_lite.evaluation import (
     bootstrap_interval,
     evaluate,
     fly,
+    groups_interval,
     mean_interval,
+    runs_interval,
     wilson_interval,
 )
 from uavdh_lite.planners import Greedy, Random
@@ -140,13 +142,52 @@ def test_bootstrap_interval_is_that_of_the_normal_approximation(generator):
     assert (low, high) == pytest.approx((mean - half, mean + half), abs=0.15 * half)
 
 
-def test_bootstrap_interval_of_groups_draws_whole_groups_again():
-    """Each draw of the two groups has a mean of 0, 2 or 3."""
-    groups = np.array([7, -1, -1])
-    assert bootstrap_interval(np.array([0.0, 3.0, 3.0]), groups=groups) == (2, 0, 3)
+def test_the_interval_of_groups_is_students_over_their_means():
+    """By hand for groups of one size: means 1, 2 and 6, s = √7, half = 4.3027 · √(7/3)."""
+    values, groups = np.array([0.0, 2, 2, 2, 5, 7]), np.array([4, 4, -1, -1, 0, 0])
+    assert groups_interval(values, groups) == pytest.approx((3, 3 - 6.5724, 3 + 6.5724), abs=1e-3)
 
 
-def test_over_several_cities_whole_cities_are_drawn_again(corridor, corridor_scenario):
+def test_the_interval_of_runs_is_students_where_runs_alone_differ():
+    """The same three runs on each of two missions: the half is that of their means."""
+    values = np.array([[1.0, 1.0], [2.0, 2.0], [6.0, 6.0]])
+    assert runs_interval(values) == pytest.approx((3, 3 - 6.5724, 3 + 6.5724), abs=1e-3)
+    alike = np.random.default_rng(0).normal(size=400) * np.ones((3, 1))
+    half = runs_interval(alike).high - alike.mean()
+    assert half == pytest.approx(1.966 * alike[0].std(ddof=1) / 20, rel=1e-3)
+    assert runs_interval(alike[:1]) == mean_interval(alike[0])
+
+
+COVERED = {  # spread of runs, of missions, of the two together, number of missions
+    "runs differ most": (1.0, 1.0, 1.0, 100),
+    "as lite: missions differ most": (0.3, 10.0, 4.0, 1000),
+    "runs do not differ": (0.0, 3.0, 1.0, 100),
+}
+
+
+@pytest.mark.parametrize("case", COVERED)
+def test_intervals_of_three_runs_contain_the_true_mean_in_19_of_20_studies(case):
+    of_runs, of_missions, of_both, missions = COVERED[case]
+    generator, found = np.random.default_rng(1), 0
+    for _ in range(2000):
+        values = generator.normal(0, of_runs, (3, 1)) + generator.normal(0, of_missions, missions)
+        values += generator.normal(0, of_both, values.shape)
+        _, low, high = runs_interval(values)
+        found += low <= 0 <= high
+    assert 0.93 <= found / 2000 <= 0.98
+
+
+def test_intervals_over_twelve_cities_contain_the_true_mean_in_19_of_20_studies():
+    generator, found = np.random.default_rng(1), 0
+    for _ in range(2000):
+        city = generator.integers(0, 12, 240)  # so their numbers of missions differ, too
+        values = generator.normal(0, 1, 12)[city] + generator.normal(0, 2, 240)
+        _, low, high = mean_interval(values, city)
+        found += low <= 0 <= high
+    assert 0.93 <= found / 2000 <= 0.97
+
+
+def test_over_several_cities_whole_cities_count(corridor, corridor_scenario):
     """In the twin no device can be reached in time: all episodes of a city are alike."""
     far = corridor.from_text("far", "B B B B B\nL B B B B\n" + 3 * ". . . . .\n")
     both = Environment((corridor, far))
@@ -154,10 +195,9 @@ def test_over_several_cities_whole_cities_are_drawn_again(corridor, corridor_sce
     found, records, cities = flights.metrics(), flights.records(), flights.start.city
     assert set(cities) == {0, 1}
     for name, values in records.items():
-        assert found[name] == bootstrap_interval(values, groups=cities)
+        assert found[name] == mean_interval(values, cities)
     means = [records["return"][cities == city].mean() for city in (0, 1)]
-    assert found["return"].low == pytest.approx(min(means), rel=1e-5)
-    assert found["return"].high == pytest.approx(max(means), rel=1e-5)
+    assert found["return"].high - found["return"].low > 10 * abs(np.diff(means))[0]  # t = 12.7
     alone = Environment(corridor)
     one = evaluate(alone, Greedy(alone), corridor_scenario, 300, seed=2)
     assert one.metrics()["landed"] == wilson_interval(one.records()["landed"])
@@ -170,11 +210,11 @@ def test_without_episodes_nothing_is_evaluated(environment, corridor_scenario):
 
 def test_values_of_one_group_are_independent(generator):
     values, landed = generator.random(50), np.r_[np.zeros(3), np.ones(47)]
-    assert bootstrap_interval(values, np.zeros(50, int)) == bootstrap_interval(values)
+    assert mean_interval(values, np.zeros(50, int)) == bootstrap_interval(values)
     assert mean_interval(landed, np.zeros(50, int)) == wilson_interval(landed)
-    assert mean_interval(landed, np.arange(50) // 9) == bootstrap_interval(
-        landed, np.arange(50) // 9
-    )
+    groups = np.arange(50) // 9
+    mean, low, high = groups_interval(landed, groups)
+    assert high > 1 and mean_interval(landed, groups) == (mean, low, 1)
 
 
 def test_shares_get_wilsons_interval_as_in_the_tables(generator):

@@ -8,7 +8,14 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import Flights, Interval, Policy, drawn_again, evaluate, mean_interval
+from uavdh_lite.evaluation import (
+    Flights,
+    Interval,
+    Policy,
+    evaluate,
+    mean_interval,
+    paired_interval,
+)
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import write_json, write_table
 
@@ -65,12 +72,11 @@ def columns(environment: Environment, flights: Flights) -> Columns:
 def share(values: np.ndarray, reference: np.ndarray, groups: np.ndarray | None = None) -> Interval:
     """The mean of `values` as a share of that of `reference`, over the same N episodes.
 
-    The 95 % interval resamples episodes, keeping the two values of each together, or `groups` of
-    them as `bootstrap_interval` does.
+    The 95 % interval keeps the two values of an episode together, and those of a group, such as
+    the missions of one city; it is that of the ratio's linear part (the delta method).
     """
-    sums, of_reference = drawn_again(groups, values, reference)
-    low, high = np.quantile(sums / of_reference, [0.025, 0.975])
-    return Interval(float(values.mean() / reference.mean()), float(low), float(high))
+    ratio = values.mean() / reference.mean()
+    return paired_interval(ratio + (values - ratio * reference) / reference.mean(), groups)
 
 
 def breakdown(
@@ -79,7 +85,7 @@ def breakdown(
     """The mean of `values` in parts of the episodes: (label, number of episodes, mean).
 
     Parts are the different values of `by` if there are at most five or they are words, otherwise
-    four ranges with about equally many episodes. `groups` are those of `bootstrap_interval`.
+    four ranges with about equally many episodes. `groups` are those of `mean_interval`.
     """
     different = np.unique(by)
     if by.dtype.kind == "U":
