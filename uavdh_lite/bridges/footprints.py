@@ -175,7 +175,7 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
     squares = shapely.box(*np.meshgrid(edges, edges), *np.meshgrid(edges + 1, edges + 1))
     shapes = shapely.make_valid(shapely.transform(shapes, raster.cells_of))
     which, cell = shapely.STRtree(squares.ravel()).query(shapes, predicate="intersects")
-    touches = shapely.area(shapely.intersection(shapes[which], squares.flat[cell])) > 0
+    touches = shapely.area(shapely.intersection(shapes[which], squares.flat[cell])) > 1e-6
     shown = np.setdiff1d(which[touches], np.flatnonzero(fate == NO_BUILDING))
     which, cell = (each[touches & (fate[which] == used)] for each in (which, cell))
     inside = np.unique(which)
