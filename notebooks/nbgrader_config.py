@@ -17,6 +17,7 @@ from uavdh_lite.course.walls import BESIDE, Lost, Walled, judged, program
 from uavdh_lite.errors import InputError
 
 PRINTED = 100_000  # characters of a cell that are kept
+LARGEST_FIGURE = 2_000_000  # bytes
 CALL = re.compile(r"checks\.(\w+)\((\w+)\)")  # of a graded cell
 FRESH_CHECKS = """
 import importlib, sys
@@ -77,7 +78,8 @@ class WithinWalls(NbGraderPreprocessor):
         """What a cell gives; it runs in each process that its sheet needs."""
         outputs = []
         call = CALL.fullmatch(cell.source.strip()) if is_grade(cell) else None
-        for checks in [call[1] in BESIDE] if call else sorted(beside):
+        # What is kept of a cell that is not graded is from the process without the checks
+        for checks in [call[1] in BESIDE] if call else sorted(beside, reverse=True):
             try:
                 if checks not in self.walled:
                     self._begin_again(checks, index)
@@ -123,12 +125,13 @@ def _outputs(said, figures, errors):
     outputs = [new_output("stream", text=str(said)[:PRINTED])] if said else []
     for figure in figures[:10]:
         content = base64.b64decode(figure)
-        if content.startswith(b"\x89PNG\r\n"):
+        if content.startswith(b"\x89PNG\r\n") and len(content) < LARGEST_FIGURE:
             data = {"image/png": base64.b64encode(content).decode()}
             outputs.append(new_output("display_data", data))
     for kind, text, lines in errors[:1]:
-        lines = [str(line)[:PRINTED] for line in lines[:200]]
-        outputs.append(new_output("error", ename=str(kind), evalue=str(text), traceback=lines))
+        told = {"ename": str(kind)[:100], "evalue": str(text)[:2000]}
+        told["traceback"] = [str(line)[:2000] for line in lines[:50]]
+        outputs.append(new_output("error", **told))
     return outputs
 
 

@@ -198,14 +198,14 @@ def test_a_bomb_costs_nobody_else_anything(kind, attacked, monkeypatch):
     began = time.monotonic()
     if reason:
         with pytest.raises(Lost, match=reason):
-            attacked(source, seconds=6)
+            attacked(source, seconds=6 if reason == "it never ends" else 40)
     else:
         try:
             reply = attacked(source, seconds=6)
             assert len(json.dumps(reply)) < 300_000
         except Lost:
             pass
-    assert time.monotonic() - began < 60
+    assert time.monotonic() - began < 90
     left = [p.read_bytes() for p in Path("/proc").glob("[0-9]*/status") if p.exists()]
     assert not any(b"Name:\tsleep\n" in one and b"\t65534\t" in one for one in left)
 

@@ -46,5 +46,5 @@ def test_every_block_of_a_guide_runs(page, tmp_path, monkeypatch):
                 words = shlex.split(command)
                 assert words[:3] == COMMAND, f"{page}:{line}: cannot run {command!r}"
                 assert main(words[3:]) == 0, f"{page}:{line}: {command}"
-        elif token.info != "text":  # what other machines run
+        elif token.info != "text" and not token.info.startswith("{generated}"):
             pytest.fail(f"{page}:{line}: a block in {token.info!r} is not run")

@@ -135,37 +135,43 @@ def score(
         name: see `entry_name`.
         unprotected: see `walls.Walled`.
     """
-    outcome: dict[str, Any] = {}
     started = time.time()
     known = submission in known_policies()
     sheet = None if known else Path(submission).resolve()
     result = {"name": entry_name(submission, name), "file": sheet and str(sheet), "failed": None}
-    scenario = find_scenario(challenge.scenario)
-    environment = Environment(load_city(scenario.city), scenario.channel)
-    missions = scenario, challenge.episodes, challenge.seed, Use.CHALLENGE
-    with Walled(sheet, unprotected=unprotected) as walled:
-        walled.begin(seconds)
-        try:
-            walled.load(str(walled.sheet or submission), challenge.scenario)
-            metrics = evaluate(environment, _Pilot(walled), *missions).metrics()
-            outcome = {one: list(metrics[one]) for one in SCORED}
-        except Lost as lost:
-            last = walled.said.decode(errors="replace").strip().split("\n")[-1][:300]
-            outcome["failed"] = f"gave no answer: {lost}{'. ' * bool(last)}{last}"
-        except KeyboardInterrupt as stopped:
-            if not hasattr(stopped, "where"):  # Ctrl-C
-                raise
-            outcome["failed"] = f"took more than {seconds:g} s"
-        except InputError as error:
-            outcome["failed"] = str(error)
-        except Exception as error:  # one submission's affair: the others are scored
-            outcome["failed"] = f"{type(error).__name__}: {error}"
-        if walled.late:
-            outcome = {"failed": f"took more than {seconds:g} s"}
+    try:
+        with Walled(sheet, unprotected=unprotected) as walled:
+            outcome = _flown(walled, challenge, str(walled.sheet or submission), seconds)
+    except OSError as error:  # a pipe, a file that nobody may read
+        outcome = {"failed": f"cannot be read: {error}"}
     if "failed" in outcome:
         outcome["failed"] = one_line(outcome["failed"])
     taken = round(time.time() - started, 1)
     return {**result, **outcome, "when": time.ctime(started), "seconds": taken}
+
+
+def _flown(walled: Walled, challenge: Challenge, place: str, seconds: float) -> dict[str, Any]:
+    """The scores of what is at a place within the walls, or why it failed."""
+    scenario = find_scenario(challenge.scenario)
+    environment = Environment(load_city(scenario.city), scenario.channel)
+    missions = scenario, challenge.episodes, challenge.seed, Use.CHALLENGE
+    late = {"failed": f"took more than {seconds:g} s"}
+    walled.begin(seconds)
+    try:
+        walled.load(place, challenge.scenario)
+        metrics = evaluate(environment, _Pilot(walled), *missions).metrics()
+        return {one: list(metrics[one]) for one in SCORED}
+    except Lost as lost:
+        last = walled.said.decode(errors="replace").strip().split("\n")[-1][:300]
+        return late if walled.late else {"failed": f"gave no answer: {lost}. {last}"}
+    except KeyboardInterrupt as stopped:
+        if not hasattr(stopped, "where"):  # Ctrl-C
+            raise
+        return late
+    except InputError as error:
+        return {"failed": str(error)}
+    except Exception as error:  # one submission's affair: the others are scored
+        return {"failed": f"{type(error).__name__}: {error}"}
 
 
 @contextmanager
@@ -227,7 +233,7 @@ def _table(board: dict) -> str:
 
 
 def _cell(text: str) -> str:
-    return one_line(text).replace("|", "&#124;")
+    return one_line(text).replace("|", "&#124;").replace("<", "&lt;")
 
 
 def _board(path: Path) -> dict:

@@ -30,7 +30,7 @@ with extra("classroom"):
     from IPython.core.inputtransformer2 import TransformerManager
 
 LARGEST = 200_000_000  # bytes of a notebook: its outputs are dropped, but somebody has to read them
-LONGEST, MOST = 100_000, 500  # characters of a cell, cells of a student's own
+LONGEST, MOST = 3_000_000, 500  # characters that are read, cells of a student's own
 MOODLE = re.compile(r"(?P<who>[^/]+_\d+)_assignsubmission_file_/?(?P<file>.+)")
 SOLUTION = re.compile(r"checks\b.*\.solution|course\.checks\.|course/checks")
 SHADOWED = re.compile(
@@ -187,12 +187,14 @@ def _mended(
     found: dict[int, list] = {}
     others: dict[int, list] = {}
     last = next(k for k, cell in enumerate(release) if cell.cell_type == "code")
+    read = 0
     for cell in cells:
-        place = _place(cell, release) if len(cell.source) <= LONGEST else None
+        read += len(cell.source)
+        place = _place(cell, release) if read <= LONGEST else None
         if place is not None:
             found.setdefault(place, []).append(cell)
             last = max(last, place)
-        elif cell.cell_type == "code" and cell.source.strip():
+        elif cell.cell_type == "code" and cell.source.strip() and read <= LONGEST:
             others.setdefault(last, []).append(cell)
     if not any(release[place].metadata.get("nbgrader") for place in found):
         sheet.notes.append("set aside: another notebook, with none of this one's exercises")
@@ -224,7 +226,7 @@ def _mended(
         mended.append(cell)
         for other in after:
             added += 1
-            if added > MOST or len(other.source) > LONGEST:
+            if added > MOST:
                 continue
             _look_at(other.source, "a cell of the student's own", sheet)
             mended.append(nbformat.v4.new_code_cell(other.source))

@@ -9,6 +9,7 @@ import builtins
 import os
 import secrets
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -212,6 +213,7 @@ class Walled:
             pass
         except Exception as error:  # whatever a hostile reply makes a parser say
             raise Lost(f"what it gives cannot be read ({type(error).__name__})") from None
+        self.late = self.late or time.monotonic() > self.ends
         late = "it never ends, and cannot be interrupted"
         raise Lost(late if self.late else "it ended its own process")
 
@@ -237,7 +239,7 @@ class Walled:
 
     def _called(self, message: dict, given: tuple) -> Any:
         reply = self.ask(message | {"arguments": packed([*given])})
-        print(str(reply.get("said", "")), end="")
+        print(str(reply.get("said", ""))[:KEPT], end="")
         if "arguments" in reply:
             _follow([*given], self._read(reply["arguments"]))
         if "raised" in reply:
@@ -287,11 +289,21 @@ def judged(walled: Walled, exercise: Any, name: str, seconds: float) -> tuple[st
     """What an exercise prints about the answer of this name, and what is wrong with it, or ""."""
     from uavdh_lite.course.checks import CheckFailed
 
+    said, wrong, stopped = StringIO(), "", []
+
+    def stop(*_) -> None:  # Ctrl-C is not the answer's fault, as an exercise would believe
+        stopped.append(True)
+        raise KeyboardInterrupt
+
     walled.begin(seconds)
-    said, wrong = StringIO(), ""
-    with redirect_stdout(said):
-        try:
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        with redirect_stdout(said):
             exercise(walled.answer(name))
-        except CheckFailed as failed:
-            wrong = f"Not yet. {failed}"
+    except CheckFailed as failed:
+        wrong = f"Not yet. {failed}"
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if stopped:
+        raise KeyboardInterrupt
     return said.getvalue(), wrong
