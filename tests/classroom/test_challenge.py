@@ -61,7 +61,7 @@ BAD = {
     "an answer of its own": (  # what is no action, by every way out of its process
         "import os\nfor n in range(64):\n    try:\n        os.write(n, b'[1]' * 99)\n"
         "    except OSError:\n        pass\ndef policy(environment, state):\n    return state.city",
-        "action 91 of episode 0",
+        "what it gives cannot be read",
     ),
 }
 HANGS = {
@@ -130,11 +130,11 @@ def heard():
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process groups")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_submission_ends_with_the_command_that_flies_it(number, submit, tmp_path):
-    path = submit("import time\ntime.sleep(600)")
+    path = submit("import time\ntime.sleep(600)", f"{tmp_path.name}.py")
 
     def running():
         every = [p.read_bytes() for p in Path("/proc").glob("[0-9]*/cmdline") if p.exists()]
-        return [one for one in every if path.encode() in one and b"course.inside" in one]
+        return [one for one in every if f"/sheet/{tmp_path.name}.py".encode() in one]
 
     command = [sys.executable, "-m", "uavdh_lite", "challenge", "score", path]
     with subprocess.Popen([*command, "--scenario", "village"]) as process:

@@ -97,7 +97,9 @@ def _bubblewrap(checks: bool, sheet: Path | None) -> list[str]:
     words += [as_root if os.getuid() == 0 else "--unshare-user"]
     for path in ("/lib", "/lib64", "/bin", "/etc/ld.so.cache", "/etc/alternatives", "/etc/fonts"):
         words += [f"--ro-bind-try {path} {path}"]
-    command = " ".join(words).split()
+    words += [f"--proc /proc --dev /dev --remount-ro /dev --size {SCRATCH} --perms 1777 --tmpfs"]
+    words += ["/tmp --perms 0777 --dir /tmp/own --perms 0777 --dir /tmp/fonts --chdir /tmp/own"]
+    command = " ".join(words).split()  # /tmp first: what is readable may be in it
     above = {parent for place in _readable() for parent in place.parents}  # /root may be closed
     for parent in sorted(above - {Path("/")}, key=lambda place: len(place.parts)):
         command += ["--perms", "0755", "--dir", str(parent)]
@@ -108,11 +110,6 @@ def _bubblewrap(checks: bool, sheet: Path | None) -> list[str]:
     if sheet:
         command += ["--perms", "0755", "--dir", "/sheet"]
         command += ["--ro-bind", str(sheet), f"/sheet/{sheet.name}"]
-    words = [
-        f"--proc /proc --dev /dev --remount-ro /dev --size {SCRATCH} --perms 1777 --tmpfs /tmp"
-    ]
-    words += ["--perms 0777 --dir /tmp/own --perms 0777 --dir /tmp/fonts --chdir /tmp/own"]
-    command += " ".join(words).split()
     for path in Path(matplotlib.get_cachedir()).glob("fontlist-*.json"):
         command += ["--ro-bind", str(path), f"/tmp/fonts/{path.name}"]  # it takes long to make
     for key, value in _environment(checks).items():
