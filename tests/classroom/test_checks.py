@@ -91,16 +91,15 @@ def test_the_rule_that_fails_first_is_told_with_its_smallest_case_and_the_digits
         assert re.search(told, one.wrong_with(answer))
 
 
-def test_a_mistake_is_told_only_if_it_gives_the_same_in_every_case():
+def test_a_mistake_is_told_only_if_it_gives_the_same_in_every_case_and_a_value_may_be_kept_back():
     one = plus_one(mistakes={"It forgets the 1.": lambda x: x})
     assert one.wrong_with(lambda x: x) == "It forgets the 1."
     assert "expected 2" in one.wrong_with(lambda x: 7 if x == 1 else x)
     assert "expected 13" in one.wrong_with(lambda x: x + (x != 12))
-
-
-def test_none_is_told_as_a_value_where_a_solution_gives_none():
-    told = checks.steps_to.wrong_with(lambda steps, values, threshold: None)
-    assert "gives None, expected 100000. The result is" in told
+    said = plus_one(secret=True).wrong_with(lambda x: x)
+    assert said.startswith("your function(1) gives 1, which is not right.")
+    nothing = checks.steps_to.wrong_with(lambda steps, values, threshold: None)
+    assert "gives None, expected 100000. The result is" in nothing  # elsewhere None is right
 
 
 def test_answers_that_change_their_arguments_or_remember_calls_are_refused():
@@ -141,14 +140,15 @@ def test_what_an_answer_prints_is_shown_of_the_case_that_failed_and_settings_are
     assert torch.get_default_dtype() == torch.float32 and torch.is_grad_enabled()
 
 
-def test_the_right_value_may_be_kept_back():
-    one = plus_one(secret=True)
-    assert one.wrong_with(lambda x: x).startswith("your function(1) gives 1, which is not right.")
-
-
 def test_what_is_not_written_or_interrupted():
     def rate(snr_db):
         raise NotImplementedError("exercise 1.1")
+
+    class StdinNotImplementedError(NotImplementedError):
+        """What `input()` raises where nobody can answer."""
+
+    def asks(snr_db):
+        raise StdinNotImplementedError("raw_input was called")
 
     def endless(snr_db):  # as Jupyter's stop button and nbgrader's time limit end it
         while True:
@@ -158,6 +158,7 @@ def test_what_is_not_written_or_interrupted():
         None: "Exercise 1.1 has no answer yet",
         ...: "Exercise 1.1 has no answer yet",
         rate: "Exercise 1.1 is not written yet",
+        asks: "stops with StdinNotImplementedError",
         endless: r"Interrupted, in line \d+, `raise KeyboardInterrupt`",
         1.5: "without brackets",
         Exercise: "without brackets",
@@ -268,12 +269,9 @@ def test_the_rewards_by_hand_are_made_of_the_library_s_prices():
     assert flight_b[2] == pytest.approx(prices.movement + prices.safety + prices.crash)
 
 
-def test_the_heading_of_an_exercise_must_be_that_of_the_notebook():
+def test_a_heading_has_a_form_and_two_exercises_cannot_share_a_name_or_a_number(monkeypatch):
     with pytest.raises(ValueError, match="2 points, 10 minutes"):
         Exercise("1.9 · No points", print)
-
-
-def test_two_exercises_cannot_share_a_name_or_a_number(monkeypatch):
     monkeypatch.setattr(module, "EXERCISES", dict(checks.EXERCISES))
 
     def rate_from_snr():
@@ -356,13 +354,3 @@ def test_right_answers_in_fewer_digits_pass_and_no_rule_explains_a_type():
         one = checks.EXERCISES[name]
         said = one.wrong_with(lambda *case, one=one, kind=kind: kind(one.solution(*case)))
         assert re.search(r", but .* (is|are) expected\.$", said), said
-
-
-def test_a_question_to_the_user_is_not_an_answer_that_is_not_written():
-    class StdinNotImplementedError(NotImplementedError):
-        """What `input()` raises where nobody can answer."""
-
-    def asks(snr_db):
-        raise StdinNotImplementedError("raw_input was called")
-
-    assert "stops with StdinNotImplementedError" in checks.rate_from_snr.wrong_with(asks)
