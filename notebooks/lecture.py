@@ -3,9 +3,10 @@
     python notebooks/lecture.py build/lecture 04 05    # of these notebooks alone
 
 A section becomes a slide with its formulas, tables, lists and the sentences that introduce a term
-in bold; each figure, short output and player one of its own. All that the notebook says there is in
-the speaker's notes (key S). Two tags of a cell change that: `slide-code` shows its code, too, and
-`no-slide` leaves it out. A page needs no network: reveal.js and MathJax stand in it.
+in bold; each figure, short output, player and definition one of its own, if there is no room. All
+that the notebook says there is in the speaker's notes (key S). Two tags of a cell change that:
+`slide-code` shows its code, too, and `no-slide` leaves it out. A page needs no network: reveal.js
+and MathJax stand in it.
 """
 
 import argparse
@@ -53,7 +54,7 @@ def points(text: str, whole: bool = False) -> list[str]:
         if block[:2] == "- ":
             items = re.split(r"\n(?=- )", block)
             shown += [" ".join(sentences(item)[: None if whole else 1]) for item in items]
-        elif re.match(r"\$\$|[|!`<]|\d+\. ", block):
+        elif re.match(r"\$\$|[|!<]|```|\d+\. ", block):
             shown.append(block)
         elif re.fullmatch(r"(?s)\*\*[^*]+\*\*", block):
             shown.append(" ".join(block.split()))
@@ -80,6 +81,12 @@ def _outputs(cell: nbformat.NotebookNode) -> list[nbformat.NotebookNode]:
         or re.search("uavdh-player|<details", output.get("data", {}).get("text/html", ""))
         or 0 < len(output.get("text", "").splitlines()) <= SHORT
     ]
+
+
+def _shows(cell: nbformat.NotebookNode) -> bool:
+    """Whether a slide shows the code of a cell: if its tag says so, or if it defines something."""
+    defines = re.match(r"(def|class) ", cell.source) and cell.source.count("\n") < SHORT
+    return "slide-code" in cell.metadata.get("tags", []) or bool(defines)
 
 
 def slides_of(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
@@ -111,13 +118,15 @@ def slides_of(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
                 slides.cells.append(_markdown(f"## {heading}\n{lines}", "slide"))
                 used = 2 * len(said[:MOST])
             slides.cells.append(_markdown(cell.source, "notes"))
-        elif outputs := _outputs(cell):
+        elif (shows := _shows(cell)) or _outputs(cell):
+            outputs = _outputs(cell)
             high = [4 if "text" in one or "<details" in str(one.data) else 9 for one in outputs]
+            high += [cell.source.count("\n")] * shows
             if used + sum(high) > FULL:
                 slides.cells.append(_markdown(f"## {heading}", "slide"))
                 used = 0
             used += sum(high)
-            if "slide-code" in tags:
+            if shows:
                 slides.cells.append(_markdown(f"```python\n{cell.source}\n```", "-"))
             words = sentences(after.source)[0] if after.source[:1].isalpha() else heading
             for output in outputs:
