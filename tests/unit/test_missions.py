@@ -50,6 +50,7 @@ def test_a_state_that_is_placed_by_hand():
         ({"devices": [(0, 1), (4, 4)]}, r"device 0 .*\(0, 1\).*landing zone"),
         ({"devices": [(4, 4), (4, 4)]}, r"device 1 .*\(4, 4\).*another device"),
         ({"devices": [], "data": []}, "0 devices"),
+        ({"max_devices": 1}, "2 devices"),
         ({"data": [1.0]}, "2 devices but 1"),
         ({"data": [1.0, -1.0]}, "device 1 has -1.0"),
         ({"data": [np.nan, 1.0]}, "device 0 has nan"),
