@@ -241,13 +241,13 @@ for metric in scores["random"]:
 # **The agent** comes close to greedy but does not overtake it. (In the 1000 missions of notebook 8
 # the agent does worse than here; that notebook says which result to trust.) Consider what these two
 # pilots were told. Both see the street map, though the agent's network misses a strip of it
-# (section 5.5). Greedy was also given the shortest routes, and a rule that a person had thought up.
+# (section 5.7). Greedy was also given the shortest routes, and a rule that a person had thought up.
 # Nobody told the agent what the map means. Its network started with random weights, and from
 # rewards alone the agent has learned to fly to data, to turn back and to land, in *this* city. How
 # much of this is understanding, and how much is mere rote learning, is a question for notebook 8.
 #
 # A rule of a few lines of code, then, beats a network that took millions of steps to train. **Why
-# learn at all?** Keep this question in mind until section 9.7 answers it. Here are two hints.
+# learn at all?** Keep this question in mind until section 9.5 answers it. Here are two hints.
 # First, somebody had to think up the rule and know what the map means, and not every task has
 # somebody who can do both. Second, in notebook 9 one agent will beat the rule, and another will fly
 # over a city that you typed a minute earlier.
@@ -263,7 +263,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # The agent empties the western device and goes home with nearly half of its time unused, although
 # the two devices in the east still hold nearly all of their data. The agent cannot see them: at
 # every step they are 14 or 15 columns east of it, in a strip of the map that its network never
-# reads (5.5). Even this flight ended in a landing zone, as all two thousand did, although nothing
+# reads (5.7). Even this flight ended in a landing zone, as all two thousand did, although nothing
 # forced it to.
 #
 # Does this agent always land, then? Two thousand landings in a row do not prove it. By the **rule
@@ -273,7 +273,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # ## 0.6 What the agent knows
 #
 # The agent sees the map of the city, its own position, the positions of the devices (except those
-# too far south or east of it, see 5.5), how much data each of them still has and has already sent,
+# too far south or east of it, see 5.7), how much data each of them still has and has already sent,
 # and the time left. It does not see the violet shadows. Nor does it know the formulas of the radio
 # channel. It makes no plan, either. At every step it asks afresh which of the six actions looks
 # most promising.

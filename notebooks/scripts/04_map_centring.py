@@ -77,7 +77,7 @@ Quiz("frame_size")
 # A city with $M$ cells on each side needs a frame that is $2M-1$ cells wide. When the UAV is at one
 # edge of the city, the opposite edge is $M-1$ cells away. The UAV can be at any edge, so the frame
 # has $M-1$ cells on each side of the UAV's own cell, and the whole city is in the picture wherever
-# the UAV is. (Section 5.5 asks whether a network reads all of the picture.) Outside the city the
+# the UAV is. (Section 5.7 asks whether a network reads all of the picture.) Outside the city the
 # layer "no-fly zone" is 1, because leaving the city is refused just as entering a no-fly zone is.
 # All other layers are 0 there.
 #
@@ -151,7 +151,7 @@ figure.legend(loc="outside right upper", fontsize="small");
 # Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
 # because the future would depend on something that the agent could not see. The problem would be
 # *partially observable*, a **POMDP** (3.2). With the time it is not a POMDP, because map and time
-# together hold all of the state that matters (if the network reads all of it; see 5.5).
+# together hold all of the state that matters (if the network reads all of it; see 5.7).
 #
 # The layer "data left" is there for the same reason. Without this layer the agent would not see a
 # device until some of its data had come in, and even then it would not see how much was left, so it

@@ -333,9 +333,7 @@ draw_maps({"one unit": one, "all units": (question.grad[0].abs().sum(0) > 0).int
 # %% [markdown]
 # The blue square is the unit's **receptive field**: it sees 3 units of the first convolution along each
 # side, whose windows are 3 cells wide and 2 apart, and $3+2\cdot2=7$. Together the units read the whole
-# map, because the windows come out even at the edge.
-#
-# How does it compare with the paper's?
+# map; where windows do not come out even, its last rows are never read.
 #
 # | layer | recipe `paper`, a city of 16 × 16 | yours |
 # | --- | --- | --- |

@@ -310,7 +310,7 @@ play(agent.environment, flights.trajectory(worst[0]))
 
 # %% [markdown]
 # The flight on the right has another cause. The network does not read the last two rows and columns
-# of its map (5.5), so the agent cannot see a device 14 or 15 cells south or east of it, and this
+# of its map (5.7), so the agent cannot see a device 14 or 15 cells south or east of it, and this
 # UAV never comes near enough to see the two devices that it leaves out. In how many missions does
 # this happen?
 
