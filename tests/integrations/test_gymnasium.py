@@ -137,7 +137,6 @@ def test_a_wrong_mask_is_the_error_that_gymnasiums_own_batches_raise(mask, error
 
 SCRIPT = """
 import multiprocessing
-from functools import partial
 
 if __name__ == "__main__":
     multiprocessing.set_start_method("spawn")
@@ -163,7 +162,7 @@ def test_processes_that_inherit_nothing_find_the_environment_by_its_module(tmp_p
     pytest.importorskip("stable_baselines3")
     (tmp_path / "script.py").write_text(SCRIPT)
     ran = subprocess.run(
-        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=100
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300
     )
     assert ran.stdout.split("\n")[:2] == ["(2, 5, 15, 15)"] * 2, ran.stderr
 
