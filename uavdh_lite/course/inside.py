@@ -60,7 +60,7 @@ def packed(value: Any) -> Any:
     if hasattr(value, "detach"):
         return packed(value.detach().cpu().numpy()) | {"tensor": bool(value.requires_grad)}
     if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "biufcU":
-        content = base64.b64encode(np.ascontiguousarray(value)).decode()
+        content = base64.b64encode(np.ascontiguousarray(value).tobytes()).decode()
         one = {"array": content, "dtype": value.dtype.str, "shape": list(value.shape)}
         return one | {"fixed": not value.flags.writeable, "single": isinstance(value, np.generic)}
     if isinstance(value, np.random.Generator):
@@ -281,7 +281,8 @@ def main() -> None:
         checks = types.ModuleType(CHECKS)
         checks.__getattr__ = _unchecked  # type: ignore[method-assign]
         sys.modules[CHECKS] = checks
-    shell, held = None, [None]
+    shell: Any = None
+    held: list[Any] = [None]  # what is called
 
     def load(place: str, scenario: str) -> None:
         held[:] = [_policy(place, scenario)]
@@ -292,7 +293,7 @@ def main() -> None:
             reply = _run(shell, message["run"], message["seconds"])
         elif "answer" in message:
             held = [shell.user_ns.get(message["answer"]) if shell else None]
-            reply = _handed_over(*held, message["answer"])
+            reply = _handed_over(held[0], message["answer"])
         elif "load" in message:
             reply = _asked(load, message)
         else:

@@ -110,8 +110,8 @@ def _bubblewrap(checks: bool, sheet: Path | None) -> list[str]:
     if sheet:
         command += ["--perms", "0755", "--dir", "/sheet"]
         command += ["--ro-bind", str(sheet), f"/sheet/{sheet.name}"]
-    for path in Path(matplotlib.get_cachedir()).glob("fontlist-*.json"):
-        command += ["--ro-bind", str(path), f"/tmp/fonts/{path.name}"]  # it takes long to make
+    for fonts in Path(matplotlib.get_cachedir()).glob("fontlist-*.json"):
+        command += ["--ro-bind", str(fonts), f"/tmp/fonts/{fonts.name}"]  # it takes long to make
     for key, value in _environment(checks).items():
         command += ["--setenv", key, value]
     return [*command, "--remount-ro", "/", sys.executable]
@@ -254,13 +254,13 @@ def _error(kind: str, text: str, where: str) -> BaseException:
     """An error like the one within; `where` is the line of the student's that it went through."""
     known = getattr(builtins, kind, None)
     fits = isinstance(known, type) and issubclass(known, Exception | KeyboardInterrupt)
-    base = known if fits else Exception
-    error = None
+    base: Any = known if fits else Exception
+    error: Any = None
     with suppress(Exception):
         error = base(text)
-    if error is None or base is not known or str(error) != text:
+    if not fits or str(error) != text:
         error = type(kind, (base,), {"__init__": lambda _: None, "__str__": lambda _: text})()
-    error.where = where  # type: ignore[attr-defined]
+    error.where = where
     return error
 
 
