@@ -245,7 +245,7 @@ BROKEN = [  # what stands in a board instead of what belongs there
     *({"scenario": "nowhere"}, {"episodes": None}),
     *(
         {"scores": {"a": ENTRY | one}}
-        for one in ({"name": 5}, {"return": [1, 2]}, {"return": "abc"})
+        for one in ({"name": None, "return": 5}, {"return": [1, 2]}, {"return": "abc"})
     ),
 ]
 
@@ -338,7 +338,8 @@ from functools import cache
 @cache
 def look():
     seen = [sys.argv, dict(os.environ), *(vars(m) for m in sys.modules.values() if m)]
-    assert "8642097531" not in repr(seen) + repr([o for o in gc.get_objects() if type(o) is dict])
+    found = repr(seen) + repr([o for o in gc.get_objects() if type(o) is dict])
+    assert "".join(["86420", "97531"]) not in found  # which is not in this text itself
 def policy(environment, state):
     look()
     return environment.next_cell[0][state.uav_cell].argmin(1)
