@@ -97,7 +97,7 @@ def as_type(value: Any, hint: Any) -> Any:
             return value
     elif hint is float and type(value) is int:
         return float(value)
-    elif is_dataclass(hint) and isinstance(value, dict):
+    elif isinstance(hint, type) and is_dataclass(hint) and isinstance(value, dict):
         return from_json(hint, value, hint.__name__.lower())
     elif type(value) is hint or (hint not in NAMES and isinstance(value, hint)):
         return value  # so True is no whole number
