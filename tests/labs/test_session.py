@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from uavdh_lite.channel import rate
-from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.channel import Channel, rate
+from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import ACTIONS, Environment
+from uavdh_lite.errors import InputError
+from uavdh_lite.labs.page import data
 from uavdh_lite.missions import HandFlight, Mission, as_json, mission_from_json
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import find_scenario
@@ -389,6 +391,15 @@ def test_agents_are_told_apart_by_their_weights_and_not_by_their_names(opened, t
     named = opened("manhattan_ddqn.safetensors", other)["state"]  # displaces no other
     assert {*map(tuple, known)} <= {*map(tuple, named["known"])}
     opened("mine.safetensors", one[:5000], refused="not an agent of this package")
+
+
+def test_an_agent_over_another_channel_than_the_pages_is_refused(opened, tmp_path):
+    agent, file = load_agent("manhattan_ddqn"), tmp_path / "quiet.safetensors"
+    quiet = replace(agent.scenario, channel=Channel(cell_edge_snr_db=-25.0))
+    save_agent(file, replace(agent, scenario=quiet))
+    opened(file.name, file.read_bytes(), refused="another radio channel than the page's")
+    with pytest.raises(InputError, match="cell_edge_snr_db -15, not -25"):
+        data({"usual": agent, "quiet": load_agent(file)})
 
 
 WRONG = [

@@ -20,6 +20,7 @@ from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.cities import random_cities
 from uavdh_lite.beyond.failsafe import SafeEnvironment
 from uavdh_lite.beyond.recipes import TOLD, BeyondRecipe
+from uavdh_lite.channel import Channel
 from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
@@ -178,6 +179,7 @@ def asked(flown, agents):
                 {**row, "city": number, "action": int(act), "fading": draws.ravel().tolist()}
             )
     return {
+        "channel": asdict(Channel()),
         "cities": [{"name": city.name, "rows": city.text.split()} for city in CITIES],
         "states": states,
         "sight": [number for number, city in enumerate(CITIES) if city.size <= 32],
@@ -207,6 +209,10 @@ def asked(flown, agents):
 
 @pytest.fixture(scope="module")
 def answered(asked):
+    return answers(asked)
+
+
+def answers(asked: dict) -> dict:
     """What the modules answer in Node."""
     if shutil.which("node") is None:
         pytest.skip("needs node")
@@ -257,6 +263,23 @@ def test_transitions_are_the_same(flown, answered):
             message = f"{name} over {plain.city.name}: {SAME}"
             np.testing.assert_allclose(found, expected[~tied], atol=tolerance, err_msg=message)
     assert ties <= 0.001 * TRANSITIONS
+
+
+def test_another_channel_is_the_same_too(asked):
+    channel = Channel(12.0, 25.0, -25.0, 2.0, 3.0, 1.0, 4.0, slots=3)
+    city = load_city("village")
+    environment, generator = Environment(city, channel), stream(Use.EXERCISE, 5)
+    state = draw_states(environment, SCENARIO, 50, 5)
+    fading = environment.draw_fading(state, generator)
+    nothing = dict.fromkeys(("sight", "agents", "missions", "files", "texts", "pictures"), [])
+    rows = rows_of(state)
+    for row, draws in zip(rows, fading, strict=True):
+        row |= {"city": 0, "action": 4, "fading": draws.ravel().tolist()}
+    cities = [{"name": city.name, "rows": city.text.split()}]
+    told = {"channel": asdict(channel), "cities": cities, "states": rows}
+    stepped = answers(asked | nothing | told)["stepped"]
+    snr_db = environment.snr_db(state, state.uav_cell, fading).reshape(50, -1)
+    np.testing.assert_allclose([row["snr_db"] for row in stepped], snr_db, atol=1e-4)
 
 
 def test_line_of_sight_is_the_same_for_all_pairs(flown, asked, answered):

@@ -11,11 +11,13 @@ import {
   missionFromJson,
   reward,
   safeActions,
+  setChannel,
 } from "../../uavdh_lite/labs/world.js";
 
 const bytesOf = (base64) => new Uint8Array(Buffer.from(base64, "base64"));
 
 export function answer({
+  channel,
   cities,
   states,
   sight,
@@ -26,6 +28,7 @@ export function answer({
   texts,
   pictures,
 }) {
+  setChannel(channel);
   const places = cities.map(
     ({ name, rows }) => new Environment(City.fromText(name, rows.join("\n"))),
   );

@@ -4,6 +4,7 @@
 import { Run } from "./run.js";
 import { Session } from "./session.js";
 import { draw } from "./stage.js";
+import { setChannel } from "./world.js";
 
 const WORK = { session: Session, run: Run };
 
@@ -14,6 +15,7 @@ function serve() {
   let work = null;
   onmessage = ({ data: told }) => {
     if (work) return work.hear(told);
+    setChannel(told.channel);
     work = new WORK[told.work](told, (answer) => postMessage(answer));
   };
 }
@@ -21,6 +23,7 @@ function serve() {
 function show() {
   const pieces = document.querySelectorAll('script[type="application/json"]');
   const data = JSON.parse(Array.from(pieces, (piece) => piece.textContent).join(""));
+  setChannel(data.channel);
   const code = encodeURIComponent(document.getElementById("code").textContent);
 
   /** Begins a worker; `hear` takes what it answers. Where a page may begin none, its work is done here. */
@@ -34,7 +37,7 @@ function show() {
       const here = new WORK[work](first, hear);
       send = (told) => setTimeout(() => here.hear(told));
     };
-    send({ ...first, work });
+    send({ ...first, work, channel: data.channel });
     return { send: (told) => send(told), end: () => worker.terminate() };
   }
 

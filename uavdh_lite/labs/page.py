@@ -15,8 +15,10 @@ from typing import Any
 from safetensors.torch import save as to_bytes
 
 from uavdh_lite.agent import Agent
+from uavdh_lite.channel import Channel
 from uavdh_lite.checkpoint import load, load_agent, save_agent
 from uavdh_lite.city import City, load_city, shipped_cities
+from uavdh_lite.errors import InputError
 from uavdh_lite.missions import Mission, as_json
 from uavdh_lite.plotting import DEVICE_COLOURS
 from uavdh_lite.recipe import find_recipe
@@ -67,7 +69,8 @@ def page(
         mission: what it begins with; None: the story.
         agents: by the names that the page gives them, agents or their files; None: `AGENTS`.
 
-    Raises `CheckpointError` for a file that holds no agent.
+    Raises `CheckpointError` for a file that holds no agent, and `InputError` for agents over
+    several channels.
     """
     names = ("player.css", "labs/stage.css", "labs/train.css")
     style = "\n".join((PACKAGE / name).read_text(encoding="utf-8") for name in names)
@@ -87,9 +90,12 @@ def data(agents: Mapping[str, Agent | str | Path] | None) -> dict[str, Any]:
     """What the page knows: cities with their scenarios, agents, colours, the recipe of Train."""
     shipped = (city for name in shipped_cities() if (city := load_city(name)).size <= LARGEST)
     cities = [_city(city, find_scenario(city.name)) for city in shipped]
-    shelf = []
+    shelf, channel = [], None
     for name, source in (dict.fromkeys(AGENTS) if agents is None else agents).items():
         agent = source if isinstance(source, Agent) else load_agent(source or name)
+        channel = channel or agent.environment.channel
+        if found := channel.differences(agent.environment.channel):
+            raise InputError(f"a page has one channel, but {name} has another, with {found}")
         about = {"name": name, "title": AGENTS.get(name, name), "given": name not in AGENTS}
         if len(agent.trained_in) == 1:
             own = _city(agent.trained_in[0], agent.scenario)
@@ -103,6 +109,7 @@ def data(agents: Mapping[str, Agent | str | Path] | None) -> dict[str, Any]:
     return {
         "cities": cities,
         "agents": shelf,
+        "channel": asdict(channel or Channel()),
         "colours": DEVICE_COLOURS,
         "recipe": find_recipe("small").as_json(),
         "trained": base64.b64encode(packed(load_agent(TRAINED))).decode(),

@@ -10,7 +10,9 @@ import {
   InputError,
   Portable,
   Use,
+  hasChannel,
   kept,
+  require,
   safeActions,
 } from "./world.js";
 
@@ -362,6 +364,7 @@ export function valueMap(flier, state) {
 
 /** An agent from a checkpoint, the bytes of a safetensors file; `InputError` if it is none. */
 export function readAgent(bytes) {
+  let [agent, channel] = [];
   try {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     const begin = 8 + Number(view.getBigUint64(0, true));
@@ -376,12 +379,18 @@ export function readAgent(bytes) {
       tensors[short] = { shape, values: READ[dtype](content) };
     }
     if (tensors.cities) tensors.cities = tensors.cities.values;
-    return new Agent(about, tensors);
+    require(hasChannel(
+      about.scenario.channel,
+    ), "this agent was trained over another radio channel than this page has");
+    agent = new Agent(about, tensors);
+    channel = about.scenario.channel;
   } catch {
     throw new InputError(
       "not an agent of this package, or a damaged file: open a checkpoint that a training of uavdh_lite saved",
     );
   }
+  require(hasChannel(channel), "this agent was trained over another radio channel than the page's");
+  return agent;
 }
 
 const READ = {

@@ -240,6 +240,24 @@ export const CHANNEL = {
   fadingVariance: [5, 2], // dB², likewise
   slots: 4, // δ
 };
+const PAPERS = { ...CHANNEL };
+
+/** The constants of channel.py, whose names they have there, as `CHANNEL` has them. */
+const named = (values) => ({
+  cellSize: values.cell_size_m,
+  altitude: values.altitude_m,
+  cellEdgeSnr: values.cell_edge_snr_db,
+  pathLossExponent: [values.path_loss_exponent_nlos, values.path_loss_exponent_los],
+  fadingVariance: [values.fading_variance_nlos_db2, values.fading_variance_los_db2],
+  slots: values.slots,
+});
+
+/** From now on the page has this channel. */
+export const setChannel = (values) => void Object.assign(CHANNEL, named(values));
+
+/** Whether the page has this channel; a file of version 0.3 names none and means the paper's. */
+export const hasChannel = (values) =>
+  JSON.stringify(values ? named(values) : PAPERS) === JSON.stringify(CHANNEL);
 
 /** P/σ² in dB, from the cell-edge SNR of a city of size×size cells. */
 export function transmitSnrDb(size) {
