@@ -271,7 +271,8 @@ def test_another_channel_is_the_same_too(asked):
     environment, generator = Environment(city, channel), stream(Use.EXERCISE, 5)
     state = draw_states(environment, SCENARIO, 50, 5)
     fading = environment.draw_fading(state, generator)
-    nothing = dict.fromkeys(("sight", "agents", "missions", "files", "texts", "pictures"), [])
+    others = "sight", "agents", "missions", "files", "texts", "pictures"
+    nothing: dict[str, list] = {key: [] for key in others}
     rows = rows_of(state)
     for row, draws in zip(rows, fading, strict=True):
         row |= {"city": 0, "action": 4, "fading": draws.ravel().tolist()}
