@@ -1,7 +1,7 @@
 // The radio link of one device to every cell, without fading, as a ledger.
 
 import { KINDS } from "../player.js";
-import { button, colourOf, heat, outline, ramp, term } from "./html.js";
+import { button, colourOf, heat, outline, ramp } from "./html.js";
 import { signed, units } from "./words.js";
 import { CHANNEL, pathLossDb, rate } from "./world.js";
 
@@ -65,6 +65,7 @@ const tenths = (value) => Number(value.toFixed(1));
 
 export const CHANNEL_TOOL = {
   title: "Channel",
+  words: ["slot", "SNR", "SNR at 1 m", "path loss", "hidden by buildings", "fading"],
   still: () => true,
   cursor: "arrow keys move the cell that the UAV is over; Enter on a device chooses it",
   html({ panel, state }) {
@@ -73,7 +74,7 @@ export const CHANNEL_TOOL = {
       button(`device ${k}`, { kind: "look", device: k }, `aria-pressed="${k === panel.device}"`);
     return `<h2 class="sentence" aria-live="polite"></h2><div class="row">${state.devices.map(device).join("")}</div>
       <table class="ledger"></table>
-      ${ramp(low, high, `${term("SNR")} over each cell. Point at one.`)}`;
+      ${ramp(low, high, `SNR over each cell. Point at one.`)}`;
   },
   under({
     film,
@@ -102,16 +103,16 @@ export const CHANNEL_TOOL = {
     const there = KINDS[film.city[row][col]]?.name.split(":")[0] ?? "open ground";
     stage.fill(
       ".sentence",
-      `${units(panel.rate[number])} units a ${term("slot")}${instead} <small>over row ${row}, column ${col}, ${there}</small>`,
+      `${units(panel.rate[number])} units a slot${instead} <small>over row ${row}, column ${col}, ${there}</small>`,
     );
     const entry = ([name, value]) => `<tr><th scope="row">${name}</th><td>${value} dB</td></tr>`;
     const [start, loss] = [panel.transmit, panel.pathLoss[number]];
     const lines = [
-      [term("SNR at 1 m"), signed(start)],
-      [`${term("path loss")} over ${panel.distance[number].toFixed(0)} m`, `−${signed(loss)}`],
-      [term("hidden by buildings"), hidden ? `−${signed(cost)}` : "0.0"],
-      [term("SNR"), signed(tenths(start) - tenths(loss) - tenths(cost))], // adds up as it is shown
-      [term("fading"), `± ${panel.fading[Number(!hidden)].toFixed(1)}`],
+      ["SNR at 1 m", signed(start)],
+      [`path loss over ${panel.distance[number].toFixed(0)} m`, `−${signed(loss)}`],
+      ["hidden by buildings", hidden ? `−${signed(cost)}` : "0.0"],
+      ["SNR", signed(tenths(start) - tenths(loss) - tenths(cost))], // adds up as it is shown
+      ["fading", `± ${panel.fading[Number(!hidden)].toFixed(1)}`],
     ];
     stage.fill(".ledger", lines.map(entry).join(""));
   },

@@ -2,7 +2,7 @@
 // would have made of it, and the data of both over time.
 
 import { at, escaped, momentAt, scaleOf, UAV } from "../player.js";
-import { absent, button, chooser, term } from "./html.js";
+import { button, chooser } from "./html.js";
 import { counted, says, upper } from "./words.js";
 import { ACTIONS } from "./world.js";
 
@@ -86,6 +86,14 @@ export function cause(who, flights, results, part, flyOn) {
 
 export const COMPARE = {
   title: "Compare",
+  words: [
+    "greedy",
+    "random",
+    "DDQN agent",
+    "imitation agent",
+    "any-city agent",
+    "collected and landed",
+  ],
   html(scene) {
     const { panel, state, film } = scene;
     const { who, headline: head, cause: why, parting: part, many } = panel;
@@ -102,7 +110,7 @@ export const COMPARE = {
         : `<div class="row">${button(`Where they part: step ${part + 1}`, { show: part })}</div>`;
     return `<h2 aria-live="polite">${escaped(head)}</h2><div class="row">${colours.join("")}</div>
       ${chart(film, who, part)}<p class="why">${escaped(why)}</p>${look}
-      ${many ? hundred(many) : ""}${hand ? "" : more}${absent(scene)}`;
+      ${many ? hundred(many) : ""}${hand ? "" : more}`;
   },
   over({ film, panel: { parting: part } }) {
     const scale = scaleOf(film.city.length);
@@ -198,6 +206,6 @@ function hundred({ rows, difference: [mean, low, high] }) {
   );
   const open = low < 0 && high > 0 ? ": they may be level" : "";
   return `<div class="many" role="status"><p>Over 100 missions drawn just now, ${escaped(rows[0].who.subject)} has ${points(mean)} points
-    (${points(low)} to ${points(high)}) of ${term("collected and landed")}${open}.</p>
+    (${points(low)} to ${points(high)}) of collected and landed${open}.</p>
     <svg viewBox="0 0 ${WIDTH} 74" role="img" aria-label="means with 95 % intervals">${ticks.join("")}${rows.map(row).join("")}</svg></div>`;
 }

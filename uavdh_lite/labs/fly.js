@@ -3,7 +3,7 @@
 import { KINDS, UAV, at, escaped, momentAt, scaleOf } from "../player.js";
 import { COLOURS } from "./compare.js";
 import { button, chooser } from "./html.js";
-import { signed, timeUnits } from "./words.js";
+import { timeUnits } from "./words.js";
 
 export const ARROWS = {
   ArrowUp: "north",
@@ -15,8 +15,9 @@ export const WAYS = { north: [-1, 0], east: [0, 1], south: [1, 0], west: [0, -1]
 
 export const FLY = {
   title: "Fly",
+  words: ["greedy", "random", "DDQN agent", "imitation agent", "any-city agent"],
   html({ panel, state, tools }, { tells }) {
-    const { you, ghost, ranking, rival, headline } = panel;
+    const { you, ghost, rival, headline } = panel;
     const key = (action, sign) =>
       button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
     const pad = `<div class="pad">${key("hover", "hover")}${key("north", "↑")}${key("land", "land")}
@@ -37,17 +38,12 @@ export const FLY = {
     const help = you.steps
       ? ""
       : "<p>Fly near the devices, and land on blue before the time is over. Keys: arrows, space to hover, L to land.</p>";
-    const rank = ({ ahead, collected, landed, ghost: name }, k) =>
-      `<tr><td>${k + 1}</td><td>${signed(ahead)} against ${escaped(name)}</td><td>${landed ? `${collected.toFixed(1)} units` : "crashed"}</td></tr>`;
-    const table = ranking.length
-      ? `<details class="flown"><summary>Your flights, the best first</summary><table>${ranking.map(rank).join("")}</table></details>`
-      : "";
     const known = state.known.filter(([name]) => name !== "you");
     const bar = (k, name) =>
       `<div class="hand" style="--colour: ${COLOURS[k]}"><span>${escaped(name)}</span><i class="in-${k}"></i><output class="has-${k}"></output></div>`;
     return `<h2 aria-live="polite">${escaped(head)}</h2><div class="beside">${pad}<div class="hands">${bar(0, "you")}${bar(1, rival.title)}
       <p class="no" role="status"></p></div></div>${help}
-      <div class="row">${both}${button("Again", { kind: "again" })}${chooser("rival", "policy-1", known, rival.name)}${tell}</div>${table}`;
+      <div class="row">${both}${button("Again", { kind: "again" })}${chooser("rival", "policy-1", known, rival.name)}${tell}</div>`;
   },
   refusal({ city, flights: [{ path }] }, action) {
     const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];

@@ -153,13 +153,12 @@ export function attend(stage) {
     refusal: () => stage.refuse(""),
     copy: stage.copyLink,
     more: () => (find(".drawer").open ? find(".drawer").close() : find(".drawer").show()),
-    full: () => (document.fullscreenElement ? document.exitFullscreen() : el.requestFullscreen()),
   };
   el.addEventListener("click", (event) => {
-    const target = pressed(event).closest("button, [data-ask], .term, .refusal");
+    const target = pressed(event).closest("button, [data-ask], .refusal");
     if (!target) return;
     const { ask: asked, tool: name, sign } = target.dataset;
-    if (!target.closest(".caption, .controls, .full")) stage.endStory();
+    if (!target.closest(".caption, .controls")) stage.endStory();
     const does_ = Object.keys(does).find((each) => target.classList.contains(each));
     if (asked) [JSON.parse(asked)].flat().forEach(ask);
     else if (name) ask({ kind: "tool", tool: name });
@@ -169,7 +168,7 @@ export function attend(stage) {
     } else if (does_) does[does_](target);
     // Keys steer after a press, too, unless it asks for a place or a number
     const steers =
-      name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer, .term"));
+      name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer"));
     if (steers && (event.detail || name)) find("#panel").focus({ preventScroll: true });
   });
 
@@ -200,7 +199,7 @@ export function attend(stage) {
     const { valueAsNumber: value, validity, min, max, step, labels } = target;
     const [name, place] = field.split(" ");
     const device = Number(place);
-    const what = `${labels[0].textContent.trim()}${place ? ` of ${device < 0 ? "the start" : `device ${device}`}` : ""}`;
+    const what = `${labels[0].textContent.trim()}${place ? ` of device ${device}` : ""}`;
     for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
     if (!validity.valid) {
       target.value = target.defaultValue;
@@ -208,14 +207,7 @@ export function attend(stage) {
       stage.refuse(
         `Not done: the ${what} must be ${step === "any" ? "a" : "a whole"} number from ${min} to ${max}.`,
       );
-    } else if (name === "data") ask({ kind: "data", device, value });
-    else if (!place) ask({ kind: name, value });
-    else {
-      const { start, devices } = stage.scene.state;
-      const cell = [...(device < 0 ? start : devices[device].cell)];
-      cell[name === "row" ? 0 : 1] = value;
-      ask({ kind: "move", device, cell });
-    }
+    } else ask({ kind: name, device, value });
   }
 
   /** Sends what a file holds: not every engine lets a worker read the file itself. */

@@ -1,8 +1,8 @@
-// Pieces of HTML and SVG that the tools share: words that explain themselves, buttons, lists, scales.
+// Pieces of HTML and SVG that the tools share, and what their words mean.
 
 import { escaped, square } from "../player.js";
 
-const WORDS = {
+export const WORDS = {
   greedy: "a simple rule: fly to the nearest device with data, and home in time",
   random: "every action is equally likely",
   return:
@@ -24,11 +24,6 @@ const WORDS = {
     "a network that copied a planner and then learned on; a failsafe brings it home",
   "any-city agent": "one network for any city of at most 16 by 16 cells, with a failsafe",
 };
-export const term = (word, shown = word) =>
-  WORDS[word]
-    ? `<span class="term" tabindex="0" role="note" aria-label="${word}: ${WORDS[word]}"
-        data-about="${escaped(WORDS[word])}">${shown}</span>`
-    : shown;
 export const button = (name, about, more = "") =>
   `<button type="button" data-ask="${escaped(JSON.stringify(about))}" ${more}>${name}</button>`;
 export const options = (pairs, chosen) =>
@@ -38,17 +33,12 @@ export const options = (pairs, chosen) =>
         `<option value="${escaped(String(value))}" ${value === chosen ? "selected" : ""}>${escaped(name)}</option>`,
     )
     .join("");
-/** A list with its label, or with a line in its colour in place of one; a question mark explains what was chosen. */
+/** A list with its label, or with a line in its colour in place of one. */
 export function chooser(label, name, pairs, chosen, colour = null) {
-  const [, shown] = pairs.find(([value]) => value === chosen) ?? [];
-  const key = colour ? `<i class="key" style="--colour: ${colour}"></i>` : term(label);
-  return `<span class="chooser">${key} <select data-set="${name}"
-    aria-label="${label}">${options(pairs, chosen)}</select>${WORDS[shown] ? term(shown, "?") : ""}</span>`;
+  const key = colour ? `<i class="key" style="--colour: ${colour}"></i>` : label;
+  const all = options(pairs, chosen);
+  return `<span class="chooser">${key} <select data-set="${name}" aria-label="${label}">${all}</select></span>`;
 }
-/** Who cannot fly over this city, if somebody cannot. */
-export const absent = ({ state }) =>
-  state.absent ? `<small>${escaped(state.absent)}</small>` : "";
-
 // Colours of a scale from 0 to 1, which colour-blind readers can follow too (viridis)
 const SCALE = ["68 1 84", "59 82 139", "33 145 140", "94 201 98", "253 231 37"].map((rgb) =>
   rgb.split(" ").map(Number),

@@ -2,7 +2,7 @@
 // that no computation stops the drawing.
 
 import { hiddenRows, ledger } from "./channel.js";
-import { cause, headline, isDuel, lead, parting } from "./compare.js";
+import { cause, headline, isDuel, parting } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, digestOf, readAgent, valueMap } from "./pilots.js";
 import {
@@ -27,14 +27,13 @@ import { LONGEST, NAME, listed, upper } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const KEPT = 100; // changes and moves that can be undone
-const RANKED = 6; // flights of the ranking
 const MISSIONS = 100;
 const TRIES = 200; // missions that are looked at for a duel
 const FIRST = 1_000_000; // the number from which on missions are drawn for means: "New" does not come so far
 const STORY = 358; // the mission that the page begins with, chosen because it shows a difference
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
-const BESIDE = ["show", "values", "shadow", "look", "hold", "see", "why", "whatIf"]; // no action of the reader, in any tool
+const BESIDE = ["show", "values", "shadow", "look", "see", "why", "whatIf"]; // no action of the reader, in any tool
 const GO_ON = [...BESIDE, "tool", "save"]; // what does not end what takes long
 const INSTEAD = ["cancel", "many", "duel"]; // what ends it on purpose
 const ELSEWHERE = ["new", "city", "duel", "open"]; // what shows quite another mission
@@ -74,8 +73,7 @@ export class Session {
    * @param {(told: object) => void} post takes what the page is told
    */
   constructor(data, post) {
-    const [last, extra, ranking, notes] = [["", 0], {}, [], []];
-    Object.assign(this, { data, post, at: 0, last, extra, ranking, notes });
+    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, notes: [] });
     this.drawn = FIRST + MISSIONS * Math.floor(1e6 * Math.random()); // the next mission of a hundred
     const [cities, scenarios] = [{}, {}];
     for (const { name, rows, scenario } of data.cities) {
@@ -190,10 +188,6 @@ export class Session {
     const { mission, ...look } = this.stage;
     const names = [...this.known(mission.city), ...(look.flown ? [YOU] : [])];
     const known = names.map((name) => whoIs(name, this.agents));
-    const absent = Object.values(this.agents).filter(
-      ({ title }) => title && known.every((each) => each.title !== title),
-    );
-    const all = [...new Set(absent.map(({ title }) => title))];
     return {
       ...look,
       city: mission.city.name,
@@ -203,7 +197,6 @@ export class Session {
       most: mission.maxDevices,
       flyingTime: mission.flyingTime,
       known: known.map(({ name, title }) => [name, title]),
-      absent: all.length ? `Not trained for this city: ${listed(all)}.` : "",
       undo: Boolean(this.history[this.next(-1)]),
       redo: Boolean(this.history[this.next(1)]),
     };
@@ -258,7 +251,7 @@ export class Session {
       const [you, ghost] = flights.map(numbers);
       const rival = whoIs(this.ghost, this.agents);
       const said = headline([whoIs(YOU, this.agents), rival], [you, ghost]);
-      return { you, ghost, rival, headline: said, ranking: this.ranking.slice(0, RANKED) };
+      return { you, ghost, rival, headline: said };
     },
     compare(flights) {
       const { hangar, stage } = this;
@@ -434,14 +427,9 @@ export class Session {
     },
     fly(told) {
       const { stage, hangar } = this;
-      if (numbers(hangar.flight(YOU, stage.flown)).ended)
-        throw new InputError("this flight is over: press Again");
+      const { ended } = numbers(hangar.flight(YOU, stage.flown));
+      require(!ended, "this flight is over: press Again");
       this.take(CHANGES.fly(stage, told), "fly");
-      const you = numbers(hangar.flight(YOU, this.stage.flown));
-      if (!you.ended) return;
-      const ahead = lead([you, numbers(hangar.flight(this.ghost))]);
-      const rank = { ...you, ahead, ghost: whoIs(this.ghost, this.agents).title };
-      this.ranking = [...this.ranking, rank].sort((one, other) => other.ahead - one.ahead);
     },
     /** The next mission in which the first policy wins (1) or loses (−1); a search that found none goes on. */
     async duel({ wanted }) {

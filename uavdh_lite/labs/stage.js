@@ -12,7 +12,7 @@ import {
   square,
 } from "../player.js";
 import { attend } from "./hands.js";
-import { button, options } from "./html.js";
+import { WORDS, button, options } from "./html.js";
 import { brush } from "./paint.js";
 import { linkOf } from "./state.js";
 import { TOOLS } from "./tools.js";
@@ -38,21 +38,19 @@ const STORY = [
   ],
   [
     "fly",
-    "Your turn: bring home more than the pale ghost, which is greedy. Later, let a network of your own learn it.",
+    "Your turn: bring home more than the pale ghost, which is greedy. Later, train a network of your own.",
   ],
 ];
-const FULL = `<svg viewBox="0 0 16 16" width="16" aria-hidden="true"><path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5"/></svg>`;
 
 const page = (tools) => `<div class="main">
   <header><h1>uavdh_lite labs</h1><p>A drone collects data by radio and must be home in time.
-    Beat a rule, question a neural network.</p></header>
+    Beat a rule, question a neural network, train your own.</p></header>
   <div role="tablist" aria-label="tools" ${tools.length > 1 ? "" : "hidden"}>${tools.map(tab).join("")}</div>
   <div class="actions"><select data-set="city" aria-label="city"></select>
     ${button("New", { kind: "new" }, 'title="the next random mission; their order is the same for everybody"')}
     ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo" title="undo the last change; in Fly, the last move"')}
     ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo" title="redo it"')}
-    <button type="button" class="more" aria-haspopup="dialog" title="${MORE}">More</button>
-    <button type="button" class="full" aria-label="full screen">${FULL}</button></div>
+    <button type="button" class="more" aria-haspopup="dialog" title="${MORE}">More</button></div>
   ${CONTROLS}
   <div class="stages"></div>
   <div class="tool" id="panel" role="tabpanel" tabindex="0"></div>
@@ -127,11 +125,6 @@ export function draw(el, model) {
       [place.written, place.innerHTML] = [html, html];
       for (const each of place.querySelectorAll("details"))
         each.open = open.includes(each.className);
-      const words = new Set(); // those that Tab has come to: each explains itself once
-      for (const term of el.querySelectorAll(".tool .term")) {
-        term.tabIndex = words.has(term.ariaLabel) ? -1 : 0;
-        words.add(term.ariaLabel);
-      }
     },
     /** Shifts the map so that a place is in the middle of all that a network sees; null: as it is. */
     centre(place) {
@@ -254,9 +247,10 @@ export function draw(el, model) {
       .map((text) => `<p class="warning">${escaped(text)}</p>`)
       .join("");
     if (drawnTool !== state.tool) find("#panel").scrollTop = 0;
+    const words = (tool.words ?? []).map((word) => `<dt>${word}</dt><dd>${WORDS[word]}</dd>`);
     const signs = tool.bare
       ? ""
-      : `<details class="signs"><summary>Signs</summary>${legend(film)}</details>`;
+      : `<details class="signs"><summary>Signs and words</summary>${legend(film)}<dl>${words.join("")}</dl></details>`;
     stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${signs}`);
     el.querySelectorAll(".map svg").forEach((map, k) => {
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
@@ -348,16 +342,12 @@ export function draw(el, model) {
     const full = state.devices.length >= state.most;
     const field = (name, label, value, limits) =>
       `<label>${label} <input type="number" data-field="${name}" value="${value}" required ${limits}></label>`;
-    const axis = `min="0" max="${scene.film.city.length - 1}"`;
-    const place = (device, [row, col]) =>
-      `<td>${field(`row ${device}`, "row", row, axis)}</td><td>${field(`col ${device}`, "column", col, axis)}</td>`;
-    const row = ({ cell, data }, k) => `<tr><th>device ${k}</th>${place(k, cell)}
-      <td>${field(`data ${k}`, "data", data, 'min="0" max="32767" step="any"')}</td>
+    const row = (
+      { data },
+      k,
+    ) => `<tr><th>device ${k}</th><td>${field(`data ${k}`, "data", data, 'min="0" max="32767" step="any"')}</td>
       <td>${button("×", { kind: "remove", device: k }, `aria-label="remove device ${k}" title="remove"`)}</td></tr>`;
-    stage.fill(
-      ".devices",
-      `${state.devices.map(row).join("")}<tr><th>start</th>${place(-1, state.start)}</tr>`,
-    );
+    stage.fill(".devices", state.devices.map(row).join(""));
     stage.fill(
       ".fields",
       field("time", "flying time", state.flyingTime, `min="1" max="${LONGEST}"`),
@@ -453,7 +443,6 @@ export function draw(el, model) {
       return texts;
     });
     for (const copy of el.querySelectorAll(".copy")) copy.hidden = !model.own;
-    find(".full").hidden = !document.fullscreenEnabled;
     paint();
     if (!model.own) return;
     const open = () => location.hash && location.hash !== address && stage.openLink(location.hash);

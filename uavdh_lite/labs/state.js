@@ -47,7 +47,6 @@ const USUAL_LOOKS = { layer: "none", centred: false };
  * @property {string} flown the actions that were flown by hand, in `LETTERS`
  * @property {number} step the step that is shown; −1 for the last
  * @property {number} device the device whose radio link is shown
- * @property {[number, number] | null} held the cell to which it is shown, whatever the pointer does
  * @property {object} looks one value for each of `LOOKS`
  *
  * @typedef {object} Shelf what there is to choose from
@@ -65,7 +64,6 @@ export const newStage = (mission, shelf) => ({
   flown: "",
   step: -1,
   device: 0,
-  held: null,
   looks: { ...USUAL_LOOKS },
 });
 
@@ -95,8 +93,7 @@ export function withMission(stage, mission, shelf) {
     if (policies[0] === policies[1]) policies = usual;
   }
   const device = Math.min(stage.device, mission.devices.length - 1);
-  const held = mission.city.size === stage.mission.city.size ? stage.held : null;
-  return { ...stage, mission, policies, flown: "", step: -1, device, held };
+  return { ...stage, mission, policies, flown: "", step: -1, device };
 }
 
 /** What missions over a city are drawn from; over a painted one, time to cross it twice. */
@@ -160,52 +157,32 @@ export function readFile(text, shelf, notes = []) {
   require(values?.format ===
     FORMAT, "this file holds neither a saved page nor a mission: open one that More → Save made");
   requireVersion(values);
-  const { policies, tool, flown, step, device, held = null, looks: told = {} } = values;
+  const { policies, tool, flown, step, device, looks: seen = {} } = values;
   const mission = missionOf(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
-  const index = (value, name, least, most) =>
-    require(Number.isInteger(value) &&
-      value >= least &&
-      value <=
-        most, `this file shows ${name} ${value}: here it must be a whole number from ${least} to ${most}`);
-  require(shelf.tools.includes(
-    tool,
-  ), `this file opens the tool ${JSON.stringify(tool)}, which this page does not have`);
-  require(policies?.length === 2 &&
-    policies.every(
-      (each) => typeof each === "string",
-    ), "this file does not say which two fly: save it again");
-  require(/^[neswhl]*$/.test(
-    flown,
-  ), `this file has a flight ${JSON.stringify(flown)}, which has other letters than ${LETTERS}`);
-  index(step, "step", -1, mission.flyingTime);
-  index(device, "device", 0, mission.devices.length - 1);
-  require(held === null ||
-    isInside(
-      held,
-      mission.city.size,
-    ), `this file holds the cell ${JSON.stringify(held)}, which this city does not have`);
+  const within = (value, least, most) => Number.isInteger(value) && value >= least && value <= most;
+  const told = (value) => JSON.stringify(value);
+  const [last, most] = [mission.flyingTime, mission.devices.length - 1];
+  for (const [fits, said] of [
+    [shelf.tools.includes(tool), `opens the tool ${told(tool)}, which this page does not have`],
+    [policies?.length === 2 && policies.every((each) => each?.at), "does not say which two fly"],
+    [/^[neswhl]*$/.test(flown), `has a flight ${told(flown)}, which has letters beside ${LETTERS}`],
+    [within(step, -1, last), `shows step ${step}: here it is from -1 to ${last}`],
+    [within(device, 0, most), `shows device ${device}: here it is from 0 to ${most}`],
+    [Object(seen) === seen, "does not say how one looks at the map"],
+  ])
+    require(fits, `this file ${said}`);
   const strangers = policies.filter((name) => !names.includes(name));
   if (strangers.length)
     notes.push(`${listed(strangers.map((name) => `“${name}”`))} cannot fly here, so others do.`);
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
-  require(Object(told) === told, "this file does not say how one looks at the map: save it again");
-  const looks = { ...USUAL_LOOKS };
-  for (const [name, fits] of Object.entries(LOOKS)) {
-    looks[name] = told[name] ?? looks[name]; // older files have none
-    const says = `this file chooses the ${name} ${JSON.stringify(looks[name])}, which this page does not have`;
-    require(fits(looks[name]), says);
-  }
-  return {
-    mission,
-    policies: there[0] === there[1] ? usual : there,
-    tool,
-    flown,
-    step,
-    device,
-    held,
-    looks,
-  };
+  const looks = { ...USUAL_LOOKS, ...seen };
+  for (const [name, fits] of Object.entries(LOOKS))
+    require(fits(
+      looks[name],
+    ), `this file chooses the ${name} ${told(looks[name])}, which this page does not have`);
+  const both = there[0] === there[1] ? usual : there;
+  return { mission, policies: both, tool, flown, step, device, looks };
 }
 
 /** Bytes through a stream that packs or unpacks them; one rejection where they do not fit it. */
@@ -339,7 +316,6 @@ export const CHANGES = {
   tool: (stage, { tool }) => ({ ...stage, tool }),
   show: (stage, { step }) => ({ ...stage, step }),
   look: (stage, { device }) => ({ ...stage, device }),
-  hold: (stage, { cell }) => ({ ...stage, held: cell }),
   /** Chooses a way to look. */
   see: (stage, { name, value }) => ({ ...stage, looks: { ...stage.looks, [name]: value } }),
   /** Paints cells with one of the city's signs. */

@@ -1,7 +1,7 @@
 // What a network expects of each action, and what changes that: a device taken away or moved, the time.
 
 import { at, escaped, momentAt, scaleOf } from "../player.js";
-import { absent, button, chooser, colourOf, heat, ramp, term } from "./html.js";
+import { button, chooser, colourOf, heat, ramp } from "./html.js";
 import { LAYERS } from "./state.js";
 import { listed, signed } from "./words.js";
 import { ACTIONS } from "./world.js";
@@ -61,6 +61,7 @@ export const cameOf = (rewards, step, discount) =>
 
 export const THINK = {
   title: "Think",
+  words: ["Q-value", "score", "DDQN agent", "imitation agent", "any-city agent"],
   html(scene) {
     const { panel, state, film } = scene;
     if (!panel.agent)
@@ -78,14 +79,14 @@ export const THINK = {
     return `<h2 class="chosen" aria-live="polite"></h2>
       <svg class="rose" viewBox="-4.7 -3.1 9.4 6.2" role="img" aria-label="${panel.number}s of the actions"></svg>
       <p class="cause"></p>
-      <table class="worths"><caption>${term(panel.number)} lost without it</caption>${film.devices.map(row).join("")}</table>
+      <table class="worths"><caption>${panel.number} lost without it</caption>${film.devices.map(row).join("")}</table>
       <div class="row"><label>time <input type="range" data-set="whatif-time" min="-${RANGE}" max="${RANGE}" value="${whatIf.time}"
         aria-label="units of time more or less"></label><output class="time">${whatIf.time > 0 ? "+" : ""}${whatIf.time}</output>
         ${edited ? button("As it was", { kind: "whatIf", clear: true }) : "<small>or drag a device</small>"}</div>
       <details class="eyes"><summary>Look through its eyes</summary><div class="row">${chooser("layer", "layer", layers, state.looks.layer)}
         <label><input type="checkbox" data-set="centred" ${state.looks.centred ? "checked" : ""}> centred</label></div>
         <p class="meaning"></p>${agents.length > 1 ? chooser("network", "policy-0", agents, panel.name) : ""}</details>
-      <div class="layer-scale"></div>${absent(scene)}`;
+      <div class="layer-scale"></div>`;
   },
   over({ panel, film }) {
     if (!panel.agent) return "";
@@ -153,7 +154,7 @@ export const THINK = {
       const low = Math.max(least, high - 15);
       const colour = (value) => colourOf((value - low) / (high - low || 1));
       group.innerHTML = heat(panel.map.values, size, colour);
-      const about = term("value", "if the UAV were there");
+      const about = "the best value if the UAV were there";
       stage.fill(
         ".layer-scale",
         ramp(`${signed(low)}${low > least ? " or less" : ""}`, signed(high), about),
