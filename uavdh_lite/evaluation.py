@@ -328,5 +328,6 @@ def bootstrap_interval(values: np.ndarray) -> Interval:
 
 def paired_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Interval:
     """The mean of differences, (N,), with the interval of whole groups if they are of several."""
-    several = groups is not None and len(np.unique(groups)) > 1
-    return groups_interval(values, groups) if several else bootstrap_interval(values)
+    if groups is None or len(np.unique(groups)) == 1:
+        return bootstrap_interval(values)
+    return groups_interval(values, groups)

@@ -73,7 +73,7 @@ class CentredMap:
     """
 
     def __init__(self, environment: Environment):
-        self.environment, city, self.size = environment, environment.city, environment.size
+        self.environment, city, self.size = environment, environment.cities[0], environment.size
         self.side, self.layers = 2 * self.size - 1, 5
         layers = ((city.landing, 0), (city.no_fly, 1), (city.buildings, 0))
         padded = [np.pad(own, self.size - 1, constant_values=out) for own, out in layers]

@@ -45,15 +45,11 @@ class GlobalLocalNetwork(nn.Module):
                 f"at most {width}, the side of the map"
             )
         self.pooling, self.local_size = pooling, local_size
-        self.frames = nn.ModuleList(
-            [
-                WholeFrame(width, kernel_size, strides, pooling),
-                WholeFrame(local_size, kernel_size, strides),
-            ]
-        )
+        self.whole = WholeFrame(width, kernel_size, strides, pooling)
+        self.middle = WholeFrame(local_size, kernel_size, strides)
         self.convolutions = nn.ModuleList()
         features = 1  # the flying time
-        for side in (self.frames[0].side // pooling, self.frames[1].side):
+        for side in (self.whole.side // pooling, self.middle.side):
             layers, found = convolutions(channels, side, kernels, kernel_size, strides, leak)
             self.convolutions.append(layers)
             features += found
@@ -62,7 +58,7 @@ class GlobalLocalNetwork(nn.Module):
     def forward(self, map: Tensor, time: Tensor) -> Tensor:
         margin = (map.shape[-1] - self.local_size) // 2
         inside = slice(margin, margin + self.local_size)
-        whole, middle = self.frames
-        maps = (avg_pool2d(whole(map), self.pooling), middle(map[:, :, inside, inside]))
+        coarse = avg_pool2d(self.whole(map), self.pooling)
+        maps = (coarse, self.middle(map[:, :, inside, inside]))
         pairs = zip(self.convolutions, maps, strict=True)
         return self.head(torch.cat([*(layers(one) for layers, one in pairs), time], dim=1))

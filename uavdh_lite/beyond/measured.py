@@ -208,8 +208,8 @@ def believing(agent: Agent, belief: Environment) -> Agent:
 def save_gains(path: str | Path, gain_db: np.ndarray, about: dict) -> None:
     """Write a table of gains, (n, n), `[device cell, UAV cell]`, dB, in half precision, and JSON
     values about it, atomically; the name ends in `.npz`."""
-    parts = {"gain_db": gain_db.astype(np.float16), "about": np.array(json.dumps(about))}
-    write_atomically(path, lambda temporary: np.savez_compressed(temporary, **parts))
+    gains, text = gain_db.astype(np.float16), np.array(json.dumps(about))
+    write_atomically(path, lambda file: np.savez_compressed(file, gain_db=gains, about=text))
 
 
 def load_gains(path: str | Path) -> tuple[np.ndarray, dict]:

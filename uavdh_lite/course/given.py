@@ -5,6 +5,7 @@ import functools
 import numpy as np
 from matplotlib.figure import Figure
 
+from uavdh_lite.city import load_city
 from uavdh_lite.environment import ACTIONS, HOVER
 from uavdh_lite.evaluation import FunctionPolicy, Trajectory
 from uavdh_lite.missions import Mission, environment_of
@@ -20,7 +21,7 @@ SEED = 462  # of a mission in which the agent does not begin with the nearest de
 def flights_to_tell_apart() -> Figure:
     """Three flights of one mission, A, B and C."""
     environment = environment_of("manhattan")
-    mission = Mission.draw(find_scenario("manhattan"), environment.city, SEED)
+    mission = Mission.draw(find_scenario("manhattan"), environment.cities[0], SEED)
     figure = Figure(figsize=(12, 4.6), layout="constrained")
     for ax, (letter, name) in zip(figure.subplots(1, 3), PILOTS.items(), strict=True):
         flights = mission.fly(environment, find_policy(name, environment))
@@ -33,7 +34,7 @@ DATA, FLYING_TIME = (15.0, 15.0), 21
 
 def mission() -> Mission:
     """The mission of exercise 0.3."""
-    return Mission(environment_of("village").city, (0, 0), ((4, 1), (0, 7)), DATA, FLYING_TIME)
+    return Mission(load_city("village"), (0, 0), ((4, 1), (0, 7)), DATA, FLYING_TIME)
 
 
 def flown(actions: list[str]) -> Trajectory:

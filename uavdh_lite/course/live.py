@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from IPython.display import display
@@ -69,8 +70,10 @@ class Live:
 
     def __init__(self, settings: Settings, environment: Environment, missions: State):
         self.settings, self.environment, self.missions = settings, environment, missions
-        self.mission, self.points, self.drawn = 0, [], -np.inf
-        self.handle = self.bar = None
+        self.mission, self.drawn = 0, -np.inf
+        self.points: list[tuple[float, ...]] = []
+        self.handle: Any = None  # of the figure, and in its place a progress bar
+        self.bar: Any = None
 
     def _begin(self) -> None:
         if "ipywidgets" not in globals():
@@ -129,7 +132,7 @@ class Live:
         draw_trajectory(ax, self.environment, flown.trajectory(0))
         cells = np.arange(self.environment.size**2, dtype=np.int16)
         everywhere = replace(start[np.zeros(len(cells), int)], uav_cell=cells)
-        return draw_actions(ax, self.environment.city, act.act(everywhere))
+        return draw_actions(ax, self.environment.cities[0], act.act(everywhere))
 
 
 if "ipywidgets" in globals():
