@@ -82,7 +82,7 @@ CLAIMS = (  # what the paper says, what was found, a verdict, a page; those with
         "Section III-B: combined experience replay helps with a large memory",
         "the paper cites this and shows no run without it; nor do we",
         "not shown",
-        "[notebook 11](../../notebooks/11_replay.ipynb)",
+        "notebook 11",
     ),
     (
         "no claim of the paper: how good is that beside a simple rule?",

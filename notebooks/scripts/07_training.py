@@ -347,7 +347,7 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
 # ## 7.7 All of it in one file
 #
 # What you wrote stands, under the same names, in
-# [uavdh_lite/one_file.py](../uavdh_lite/one_file.py), 250 lines. `python -m uavdh_lite.one_file`
+# `uavdh_lite/one_file.py`, 250 lines. `python -m uavdh_lite.one_file`
 # trains in a terminal; a project or a thesis can start from a copy.
 #
 # | name | what it is | written in | paper |

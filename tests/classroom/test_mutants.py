@@ -17,6 +17,8 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
         "device = np.where(data_left > 0, snr_db, -np.inf).argmax()": "numpy's integer is as good",
     },
     "steps_to": {"reached = step": "numpy's integer is as good as Python's"},
+    "mended_update": {"((q - y) ** 2)": "the squares are the same"},
+    "by_surprise": {"2 / np.arange(1": "what is divided by its sum does not change"},
     "permutation_p": {
         "return np.mean(as_large)": "numpy's float is as good as Python's",
         "np.mean(b) - np.mean(a)": "the absolute value is the same",

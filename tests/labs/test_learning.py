@@ -196,6 +196,7 @@ def test_python_loads_an_agent_of_the_labs_and_it_lands_as_often(runs, tmp_path)
     assert flights["collected_and_landed"].mean == pytest.approx(point["home"], abs=0.2)
 
 
+@pytest.mark.longest
 @pytest.mark.long
 def test_three_seeds_end_within_the_spread_of_the_librarys(tmp_path):
     steps, seeds, file = 48_000, range(3), tmp_path / "agent.safetensors"
