@@ -46,9 +46,7 @@ class Settings:
     uavs: int = 16  # 1: they fly side by side, one update for a step of all, so flying is cheap
     discount: float = 0.95  # γ
     target_rate: float = 0.005  # τ
-    learning_rate: float = (
-        2e-3  # 3e-5: there are few updates. It falls to 0, so the last ones settle
-    )
+    learning_rate: float = 2e-3  # 3e-5: few updates; it falls to 0, so that the last ones settle
     batch: int = 64  # 128: half the price of an update, and still four steps of each UAV
     memory: int = 40_000  # 50,000
     prefill: int = 2_000  # 25,000: how many random steps come before the first update
