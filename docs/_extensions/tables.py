@@ -462,7 +462,10 @@ def claims() -> str:
         )
     ends = {
         recipe: {
-            variant: _numbers([100 * run[BOTH][-1] for run in runs], 1)
+            variant: (
+                _numbers([100 * run[BOTH][-1] for run in runs], 1),
+                _numbers([run["return"][-1] for run in runs], 1),
+            )
             for variant, runs in _runs(f"centring_{recipe}-manhattan").items()
         }
         for recipe in ("plain", "lite")
@@ -473,8 +476,10 @@ def claims() -> str:
             [
                 "Training curves: centring the map lets the agent learn faster and better; "
                 f"`{recipe}`",
-                f"collected and landed in the last validation, by seed: centred {one['centred']} "
-                f"%, in place {one['non_centred']} %",
+                "collected and landed in the last validation, by seed: centred {} %, in place {} "
+                "%; return: centred {}, in place {}".format(
+                    *(one[variant][i] for i in (0, 1) for variant in ("centred", "non_centred"))
+                ),
                 verdict,
                 "[the ablation](training.md#the-ablation-on-map-centring)",
             ]
