@@ -231,6 +231,11 @@ class Trainer:
 
         Of equal ones the first counts. A run too short to judge any keeps the last.
         """
+        by_validation = self.recipe.kept_by == "validation"
+        rows = self.validation_rows if by_validation else self.training_rows
+        new = bool(rows) and rows[-1]["steps"] == self.steps
+        if not (new or self.finished):  # asked after each step: no row, nothing to add up
+            return False
         judged = self._judged()
         if not judged:
             return self.finished
