@@ -7,13 +7,22 @@ const TYPES = new Map([
 const TORCH = { F32: "torch.float32", U8: "torch.uint8" };
 const [LONGEST, ODD] = [50, /[/\\:*?"<>|]/g]; // letters of a scenario's name in Python, and those it may not have
 
-/** What the file holds of a run: tensors by name, and JSON values. @param {import("./training.js").Trainer} trainer */
-function partsOf({ environment: { city, size }, scenario, dials, online, steps, updates, turned }) {
+/** What an agent is as it is now, and its file holds: tensors by name, and JSON values. @param {import("./training.js").Trainer} trainer */
+export function partsOf({
+  environment: { city, size },
+  scenario,
+  dials,
+  online,
+  steps,
+  updates,
+  turned,
+}) {
   const { double, frozen, seed, ...told } = dials;
   const recipe = { ...told, name: "labs" };
   recipe.replay_prefill = Math.min(recipe.replay_prefill, recipe.replay_capacity); // as Python requires
   const tensors = { cities: { shape: [1, size, size], values: city.kinds } };
-  for (const [name, tensor] of Object.entries(online.tensors)) tensors[`network.${name}`] = tensor;
+  for (const { name, shape, values } of online.weights)
+    tensors[`network.${name}`] = { shape, values: Float32Array.from(values) };
   const about = {
     format: 1,
     kind: "agent",
@@ -27,7 +36,7 @@ function partsOf({ environment: { city, size }, scenario, dials, online, steps, 
     size,
     training: { seed, steps, updates, double, frozen, turned, by: "the labs" },
   };
-  return { tensors, about: JSON.stringify(about) };
+  return { tensors, about };
 }
 
 const bytesOf = ({ buffer, byteOffset, byteLength }) =>
@@ -74,14 +83,9 @@ function fileOf(tensors, metadata) {
   return joined([length, padded, ...entries.map(({ bytes }) => bytes)]);
 }
 
-/** The bytes of an agent as it is now, for these pages alone: without the digest. @returns {Uint8Array} */
-export function snapshot(trainer) {
-  const { tensors, about } = partsOf(trainer);
-  return fileOf(tensors, { uavdh_lite: about });
-}
-
 /** The bytes of a checkpoint. @returns {Promise<Uint8Array>} */
 export async function checkpoint(trainer) {
   const { tensors, about } = partsOf(trainer);
-  return fileOf(tensors, { uavdh_lite: about, sha256: await digestOf(tensors, about) });
+  const told = JSON.stringify(about);
+  return fileOf(tensors, { uavdh_lite: told, sha256: await digestOf(tensors, told) });
 }

@@ -1,16 +1,19 @@
-// A Q-network that learns: network.py with its gradients, and the optimiser. tests/labs/test_learning.py
-// compares both with PyTorch's. A batch has n rows, and each layer its own buffers for as many as it has
-// at most: `forward(x, n)` gives the layer's output, `backward(slopes, n)` the gradients of its weights
-// and, from the slopes of what comes out, those of what goes in.
+// A Q-network, as network.py has it and beyond/global_local.py, and how it learns: gradients and Adam.
+// tests/labs compares all of it with PyTorch's. A batch has n rows, and each layer its own buffers for as
+// many as it has at most: `forward(x, n)` gives the layer's output, `backward(slopes, n)` the gradients
+// of its weights and, from the slopes of what comes out, those of what goes in.
 
 import { ACTIONS } from "./world.js";
 
+const NO_FLY_LAYER = 1; // of the map; outside the city it is 1, and every other layer 0
+const zeros = (length) => new Float64Array(length); // which engines multiply faster than 32 bits
+
 /** Weights of a layer, under their name in PyTorch, with their gradient and what Adam keeps of it. */
 class Weights {
-  constructor(name, shape, values) {
+  constructor(name, shape, values, learns) {
     Object.assign(this, { name, shape, values });
-    for (const part of ["gradient", "moment", "square", "largest"])
-      this[part] = new Float32Array(values.length);
+    for (const part of learns ? ["gradient", "moment", "square", "largest"] : [])
+      this[part] = zeros(values.length);
   }
 }
 
@@ -79,24 +82,19 @@ function transpose(a, b, rows, cols) {
 
 /** Fully connected; the first weights are Glorot's uniform ones. */
 class Linear {
-  constructor(
-    name,
-    inputs,
-    outputs,
-    batch,
-    generator,
-    fan = [inputs, outputs],
-    shape = [outputs, inputs],
-  ) {
-    Object.assign(this, { inputs, outputs });
+  /** @param {{batch: number, generator: import("./world.js").Portable | null}} how see `QNetwork` */
+  constructor(name, inputs, outputs, { batch, generator }, fan = [inputs, outputs], shape = null) {
+    Object.assign(this, { inputs, outputs, out: zeros(batch * outputs) });
     const most = Math.sqrt(6 / (fan[0] + fan[1]));
-    const values = new Float32Array(inputs * outputs).map(() => generator.uniform(-most, most));
-    this.weight = new Weights(`${name}.weight`, shape, values);
-    this.bias = new Weights(`${name}.bias`, [outputs], new Float32Array(outputs));
+    const values = zeros(inputs * outputs);
+    if (generator) values.forEach((_, k) => (values[k] = generator.uniform(-most, most)));
+    this.weight = new Weights(`${name}.weight`, shape ?? [outputs, inputs], values, generator);
+    this.bias = new Weights(`${name}.bias`, [outputs], zeros(outputs), generator);
     this.weights = [this.weight, this.bias];
-    const sizes = { out: batch * outputs, slopes: batch * inputs, columns: inputs * batch };
+    if (!generator) return;
+    const sizes = { slopes: batch * inputs, columns: inputs * batch };
     Object.assign(sizes, { turned: outputs * batch, across: inputs * outputs });
-    for (const [buffer, size] of Object.entries(sizes)) this[buffer] = new Float32Array(size);
+    for (const [buffer, size] of Object.entries(sizes)) this[buffer] = zeros(size);
   }
 
   forward(x, n) {
@@ -121,32 +119,28 @@ class Linear {
   }
 }
 
-/** Puts into each row of a batch what stands at some places of the row before, and more behind it. */
+/** Puts into each row of a batch what stands at some places of the row before. */
 class Gather {
   weights = [];
 
-  constructor(places, length, batch, more = 0) {
-    Object.assign(this, { places: Int32Array.from(places), length, more, extra: null });
-    this.width = places.length + more;
-    this.out = new Float32Array(batch * this.width);
-    this.slopes = new Float32Array(batch * length);
+  constructor(places, length, { batch, generator }) {
+    Object.assign(this, { places: Int32Array.from(places), length });
+    this.out = zeros(batch * places.length);
+    this.slopes = zeros(generator ? batch * length : 0);
   }
 
   forward(x, n) {
-    const { places, length, width, out } = this;
-    for (let row = 0; row < n; row++) {
-      for (let k = 0; k < places.length; k++) out[row * width + k] = x[row * length + places[k]];
-      if (this.more) out[row * width + places.length] = this.extra[row];
-    }
+    const { places, length, out } = this;
+    for (let row = 0, at = 0; row < n; row++)
+      for (let k = 0; k < places.length; k++) out[at++] = x[row * length + places[k]];
     return out;
   }
 
   backward(slopes, n) {
-    const { places, length, width } = this;
+    const { places, length } = this;
     this.slopes.fill(0);
-    for (let row = 0; row < n; row++)
-      for (let k = 0; k < places.length; k++)
-        this.slopes[row * length + places[k]] += slopes[row * width + k];
+    for (let row = 0, at = 0; row < n; row++)
+      for (let k = 0; k < places.length; k++) this.slopes[row * length + places[k]] += slopes[at++];
     return this.slopes;
   }
 }
@@ -154,7 +148,7 @@ class Gather {
 /** Kernels over each place of a map, no padding: for each place, what is under the kernel, fully connected. */
 class Convolution {
   /** @param {(channel: number, cell: number) => number} at where the map has it */
-  constructor(name, channels, width, { kernels, kernel_size: side }, stride, batch, generator, at) {
+  constructor(name, channels, width, { kernels, kernel_size: side }, stride, how, at) {
     this.width = Math.floor((width - side) / stride) + 1;
     this.places = this.width ** 2;
     const under = [];
@@ -165,11 +159,12 @@ class Convolution {
         for (let tap = 0; tap < side ** 2; tap++)
           under.push(at(channel, corner + Math.floor(tap / side) * width + (tap % side)));
     }
-    const [area, rows] = [side ** 2, batch * this.places];
-    this.gather = new Gather(under, channels * width ** 2, batch);
+    const area = side ** 2;
+    this.gather = new Gather(under, channels * width ** 2, how);
+    const rows = { ...how, batch: how.batch * this.places };
     const fan = [channels * area, kernels * area];
     const shape = [kernels, channels, side, side];
-    this.linear = new Linear(name, channels * area, kernels, rows, generator, fan, shape);
+    this.linear = new Linear(name, channels * area, kernels, rows, fan, shape);
     this.weights = this.linear.weights;
   }
 
@@ -184,14 +179,13 @@ class Convolution {
 }
 
 class LayerNorm {
-  constructor(name, units, batch) {
+  constructor(name, units, { batch, generator }) {
     this.units = units;
-    this.weight = new Weights(`${name}.weight`, [units], new Float32Array(units).fill(1));
-    this.bias = new Weights(`${name}.bias`, [units], new Float32Array(units));
+    this.weight = new Weights(`${name}.weight`, [units], zeros(units).fill(1), generator);
+    this.bias = new Weights(`${name}.bias`, [units], zeros(units), generator);
     this.weights = [this.weight, this.bias];
-    for (const buffer of ["out", "normal", "slopes"])
-      this[buffer] = new Float32Array(batch * units);
-    this.scale = new Float32Array(batch);
+    for (const buffer of ["out", "normal", "slopes"]) this[buffer] = zeros(batch * units);
+    this.scale = zeros(batch);
   }
 
   forward(x, n) {
@@ -232,74 +226,102 @@ class LayerNorm {
   }
 }
 
-/** Makes what is negative 0, in place. */
-class Relu {
+/** Multiplies what is negative, in place, by a slope: 0 makes it the plain ReLU. */
+class LeakyRelu {
   weights = [];
 
+  constructor(leak) {
+    this.leak = leak;
+  }
+
   forward(x) {
-    for (let at = 0; at < x.length; at++) if (x[at] < 0) x[at] = 0;
+    for (let at = 0; at < x.length; at++) if (x[at] < 0) x[at] *= this.leak;
     this.x = x;
     return x;
   }
 
   backward(slopes) {
-    for (let at = 0; at < slopes.length; at++) if (this.x[at] === 0) slopes[at] = 0;
+    for (let at = 0; at < slopes.length; at++) if (this.x[at] <= 0) slopes[at] *= this.leak;
     return slopes;
   }
 }
 
-/** Q-values of all actions; see network.py. */
+/** Q-values of all actions: convolutions of one map or two, then fully connected layers. */
 export class QNetwork {
   /**
    * @param {object} recipe its layers
    * @param {number} channels of the map
-   * @param {number} side of the map, cells
-   * @param {number} batch the most rows at a time
-   * @param {import("./world.js").Portable} generator of the first weights
+   * @param {number} width of the map, cells
+   * @param {{batch: number, generator: import("./world.js").Portable | null}} how the most rows at a time,
+   *   and what draws the first weights; null: it does not learn
    */
-  constructor(recipe, channels, side, batch, generator) {
-    const { kernels, strides, hidden, layer_norm } = recipe;
-    const layers = (this.layers = []);
-    let [width, before] = [side, channels];
-    strides.forEach((stride, k) => {
-      const cells = width ** 2;
-      const at = (channel, cell) => (k ? cell * kernels + channel : channel * cells + cell);
-      const name = `convolutions.${2 * k}`;
-      const layer = new Convolution(name, before, width, recipe, stride, batch, generator, at);
-      layers.push(layer, new Relu());
-      [width, before] = [layer.width, kernels];
+  constructor(recipe, channels, width, how) {
+    const { kernels, strides, hidden, layer_norm, leak, pooling } = recipe;
+    const views = viewsOf(zeros(channels * width ** 2), width, recipe);
+    let inputs = 1; // the flying time
+    /** Layers of each view, from its map to the features; they begin at `from` of the head's inputs. */
+    this.branches = views.map(([, side], branch) => {
+      const layers = [];
+      let before = channels;
+      strides.forEach((stride, k) => {
+        const cells = side ** 2;
+        const at = (channel, cell) => (k ? cell * kernels + channel : channel * cells + cell);
+        const name = `convolutions.${pooling ? `${branch}.` : ""}${2 * k}`;
+        const layer = new Convolution(name, before, side, recipe, stride, how, at);
+        layers.push(layer, new LeakyRelu(leak));
+        [side, before] = [layer.width, kernels];
+      });
+      layers[0].linear.first = true;
+      const places = side ** 2; // those of a kernel follow one another
+      const turned = Array.from(
+        { length: kernels * places },
+        (_, k) => (k % places) * kernels + Math.floor(k / places),
+      );
+      layers.push(new Gather(turned, turned.length, how));
+      const from = inputs - 1;
+      inputs += turned.length;
+      return { layers, from, slopes: zeros(how.batch * turned.length), length: turned.length };
     });
-    layers[0].linear.first = true;
-    const places = width ** 2; // a kernel's places follow one another, then comes the flying time
-    const turned = Array.from(
-      { length: kernels * places },
-      (_, k) => (k % places) * kernels + Math.floor(k / places),
-    );
-    layers.push((this.flat = new Gather(turned, turned.length, batch, 1)));
-    let [inputs, number] = [turned.length + 1, 0];
-    for (const units of hidden) {
-      layers.push(new Linear(`head.${number++}`, inputs, units, batch, generator));
-      if (layer_norm) layers.push(new LayerNorm(`head.${number++}`, units, batch));
-      layers.push(new Relu());
-      [inputs, number] = [units, number + 1];
+    Object.assign(this, { inputs, head: [], features: zeros(how.batch * inputs), steps: 0 });
+    let [units, number] = [inputs, 0];
+    for (const next of hidden) {
+      this.head.push(new Linear(`head.${number++}`, units, next, how));
+      if (layer_norm) this.head.push(new LayerNorm(`head.${number++}`, next, how));
+      this.head.push(new LeakyRelu(leak));
+      [units, number] = [next, number + 1];
     }
-    layers.push(new Linear(`head.${number}`, inputs, ACTIONS.length, batch, generator));
+    this.head.push(new Linear(`head.${number}`, units, ACTIONS.length, how));
+    const layers = [...this.branches.flatMap((branch) => branch.layers), ...this.head];
     this.weights = layers.flatMap((layer) => layer.weights);
-    this.steps = 0; // of Adam
   }
 
   /**
-   * @param {Float32Array} maps (n, channels, side, side)  @param {Float32Array} times (n,)
-   * @returns {Float32Array} (n, 6), the same array each time
+   * @param {ArrayLike<number>[]} views (n, channels, side, side) for each of `viewsOf`
+   * @param {ArrayLike<number>} times (n,)
+   * @returns {Float64Array} (n, 6), the same array each time
    */
-  forward(maps, times, n) {
-    this.flat.extra = times;
-    return this.layers.reduce((x, layer) => layer.forward(x, n), maps);
+  forward(views, times, n) {
+    const { features, inputs } = this;
+    this.branches.forEach(({ layers, from, length }, k) => {
+      const found = layers.reduce((x, layer) => layer.forward(x, n), views[k]);
+      for (let row = 0; row < n; row++)
+        features.set(found.subarray(row * length, (row + 1) * length), row * inputs + from);
+    });
+    for (let row = 0; row < n; row++) features[(row + 1) * inputs - 1] = times[row];
+    return this.head.reduce((x, layer) => layer.forward(x, n), features);
   }
 
-  /** The gradients of what has these slopes in the last Q-values. @param {Float32Array} slopes (n, 6) */
+  /** The gradients of what has these slopes in the last Q-values. @param {Float64Array} slopes (n, 6) */
   backward(slopes, n) {
-    this.layers.reduceRight((x, layer) => layer.backward(x, n), slopes);
+    const { inputs } = this;
+    const all = this.head.reduceRight((x, layer) => layer.backward(x, n), slopes);
+    for (const { layers, from, length, slopes: own } of this.branches) {
+      for (let row = 0; row < n; row++) {
+        const begin = row * inputs + from;
+        own.set(all.subarray(begin, begin + length), row * length);
+      }
+      layers.reduceRight((x, layer) => layer.backward(x, n), own);
+    }
   }
 
   /** A step of Adam down the gradients, with the recipe's ε of 1e-7. */
@@ -327,7 +349,7 @@ export class QNetwork {
     });
   }
 
-  /** By name, as in a checkpoint. @returns {Object<string, {shape: number[], values: Float32Array}>} */
+  /** By name, as in a checkpoint. @returns {Object<string, {shape: number[], values: Float64Array}>} */
   get tensors() {
     return Object.fromEntries(this.weights.map(({ name, ...tensor }) => [name, tensor]));
   }
@@ -335,4 +357,65 @@ export class QNetwork {
   set tensors(tensors) {
     for (const { name, values } of this.weights) values.set(tensors[name].values);
   }
+}
+
+/**
+ * The maps that a network sees of one map, each with its side: all of it, or, with pooling, a coarse
+ * one of all and the cells around the UAV.
+ */
+export function viewsOf(map, width, recipe) {
+  const { pooling, local_size: most } = recipe;
+  if (!pooling) return [wholeFrame(map, width, recipe, 1)];
+  const local = Math.min(most, width);
+  return [
+    averagePool(...wholeFrame(map, width, recipe, pooling), pooling),
+    wholeFrame(middle(map, width, local), local, recipe, 1),
+  ];
+}
+
+/** Cells as outside the city, to the south and east, so that no layer leaves any out; network.py. */
+function wholeFrame(map, width, { kernel_size, strides }, pooling) {
+  const window = strides.reduceRight((cells, stride) => (cells - 1) * stride + kernel_size, 1);
+  const step = strides.reduce((product, stride) => product * stride, 1);
+  const further = Math.ceil((Math.ceil(width / pooling) - window) / step);
+  const side = pooling * (window + Math.max(further, 0) * step);
+  if (side === width) return [map, side];
+  const framed = new Float32Array((map.length / width ** 2) * side ** 2);
+  framed.fill(1, NO_FLY_LAYER * side ** 2, (NO_FLY_LAYER + 1) * side ** 2);
+  for (let row = 0; row < map.length / width; row++) {
+    const to = Math.floor(row / width) * side ** 2 + (row % width) * side;
+    framed.set(map.subarray(row * width, (row + 1) * width), to);
+  }
+  return [framed, side];
+}
+
+/** The map averaged over cells of g×g. */
+function averagePool(map, width, pooling) {
+  const [out, channels] = [Math.floor(width / pooling), map.length / width ** 2];
+  const found = new Float32Array(channels * out ** 2);
+  found.forEach((_, place) => {
+    const [channel, row, col] = [
+      Math.floor(place / out ** 2),
+      Math.floor(place / out) % out,
+      place % out,
+    ];
+    let total = 0;
+    for (let r = 0; r < pooling; r++) {
+      const begin = channel * width ** 2 + (row * pooling + r) * width + col * pooling;
+      for (let c = 0; c < pooling; c++) total += map[begin + c];
+    }
+    found[place] = total / pooling ** 2;
+  });
+  return [found, out];
+}
+
+/** The l×l cells around the UAV. */
+function middle(map, width, local) {
+  const [margin, channels] = [(width - local) / 2, map.length / width ** 2];
+  const found = new Float32Array(channels * local ** 2);
+  for (let line = 0; line < channels * local; line++) {
+    const begin = (Math.floor(line / local) * width + margin + (line % local)) * width + margin;
+    found.set(map.subarray(begin, begin + local), line * local);
+  }
+  return found;
 }

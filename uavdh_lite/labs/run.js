@@ -1,6 +1,6 @@
 // A run in a worker of its own: it learns as long as nobody stops it, and tells what the page shows.
 
-import { checkpoint, snapshot } from "./checkpoint.js";
+import { checkpoint, partsOf } from "./checkpoint.js";
 import { bytesOf, readAgent } from "./pilots.js";
 import { Trainer } from "./training.js";
 
@@ -59,7 +59,7 @@ export class Run {
       steps,
       updates,
       points: points.slice(this.sent),
-      agent: snapshot(trainer),
+      agent: partsOf(trainer),
     });
     [this.sent, this.told] = [points.length, performance.now()];
   }

@@ -4,7 +4,7 @@
 import { hiddenRows, ledger } from "./channel.js";
 import { cause, headline, isDuel, parting } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
-import { bytesOf, digestOf, readAgent, valueMap } from "./pilots.js";
+import { Agent, bytesOf, digestOf, readAgent, valueMap } from "./pilots.js";
 import {
   CHANGES,
   TOOLS,
@@ -520,7 +520,7 @@ export class Session {
     },
     /** Takes the agent of a run in Train as it is now, in place of the one before. */
     learned({ which, agent, step }) {
-      const read = readAgent(agent);
+      const read = new Agent(agent.about, agent.tensors);
       this.learns = LEARNERS[which];
       const told = { title: this.learns, given: true, size: read.size, read };
       this.agents[this.learns] = shelved(told, read.city);

@@ -1,8 +1,8 @@
 // DDQN learns: what scenario, replay, ddqn and training do in Python, under their names, with dials
 // that act while it learns. tests/labs/test_learning.py says what each dial does.
 
-import { QNetwork } from "./network.js";
-import { Observation, wholeFrame } from "./pilots.js";
+import { QNetwork, viewsOf } from "./network.js";
+import { Observation } from "./pilots.js";
 import { ACTIONS, City, Environment, Portable, REWARDS, Use, ended, reward, sum } from "./world.js";
 
 const MOST = 40_000; // transitions that are kept at most; the dial chooses how many of the newest are drawn
@@ -132,14 +132,15 @@ export class Trainer {
     [this.landing, this.open] = [cellsOf(landing), cellsOf(openToDevices)];
     this.states = Array.from({ length: environments }, () => this.start(this.generator));
     this.observation = new Observation(environment, dials, environment.size);
-    const [map, side] = this.mapOf(this.states[0]);
     const rows = Math.max(batch_size, MISSIONS, environments);
-    this.maps = new Float32Array(rows * map.length);
-    this.times = new Float32Array(rows);
-    this.slopes = new Float32Array(rows * ACTIONS.length);
-    const { channels } = this.observation;
-    const network = () =>
-      new QNetwork(dials, channels, side, rows, new Portable(Use.WEIGHTS, seed));
+    this.maps = new Float64Array(rows * this.mapOf(this.states[0]).length);
+    this.times = new Float64Array(rows);
+    this.slopes = new Float64Array(rows * ACTIONS.length);
+    const { channels, width } = this.observation;
+    const network = () => {
+      const generator = new Portable(Use.WEIGHTS, seed);
+      return new QNetwork(dials, channels, width, { batch: rows, generator });
+    };
     [this.online, this.target] = [network(), network()];
     const missions = new Portable(Use.VALIDATION, 0);
     this.missions = Array.from({ length: MISSIONS }, () => this.start(missions));
@@ -247,19 +248,19 @@ export class Trainer {
     });
   }
 
-  /** What the network sees of a state, and its side. */
+  /** What the network sees of a state. */
   mapOf(state) {
-    return wholeFrame(this.observation.map(state), this.observation.width, this.dials, 1);
+    return viewsOf(this.observation.map(state), this.observation.width, this.dials)[0][0];
   }
 
   /** Q-values of states by some networks, (n, 6) each. */
   valuesOf(networks, states) {
     states.forEach((state, row) => {
-      const [map] = this.mapOf(state);
+      const map = this.mapOf(state);
       this.maps.set(map, row * map.length);
       this.times[row] = state.timeLeft / this.dials.time_scale;
     });
-    return networks.map((network) => network.forward(this.maps, this.times, states.length));
+    return networks.map((network) => network.forward([this.maps], this.times, states.length));
   }
 
   /** One gradient step towards the targets (eq. 7 and 8), and one of the target network; see ddqn.py. */
