@@ -213,6 +213,7 @@ def test_three_seeds_end_within_the_spread_of_the_librarys(tmp_path):
         for name, agent in (("labs", load_agent(file)), ("library", trainer.agent)):
             flights = evaluate(agent.environment, agent, agent.scenario, 500, 0)
             found[name].append(flights.metrics()["collected_and_landed"].mean)
+    print(found)
     lowest, highest = min(found["library"]), max(found["library"])
     spread = highest - lowest
     assert all(lowest - spread <= each <= highest + spread for each in found["labs"]), found

@@ -27,7 +27,6 @@ SAVED = """async () => {
     await lab.hear({ kind: "save", what: "WHAT" });
     return new Uint8Array(await new Blob(found).arrayBuffer()).toBase64();
 }"""
-LANDING = np.argwhere(load_city("village").landing).tolist()
 
 
 @pytest.fixture
@@ -65,22 +64,17 @@ def test_an_event_changes_what_it_names_and_nothing_else(tell):
     assert tell("look", device=0)["state"]["device"] == 0
 
 
-def test_a_drag_is_one_change_and_none_if_it_ends_on_a_building(modules, tell):
-    def changes():
-        return modules("() => lab.history.length")
-
-    before, count = tell("fly", action="hover"), changes()
-    building = [2, 4]
+def test_a_drag_is_one_change_and_ends_where_a_device_may_stand(modules, tell):
+    before, building = tell("fly", action="hover"), [2, 4]
+    count = modules("() => lab.history.length")
     for cell in ([7, 7], building, [7, 6]):
         there = tell("move", device=0, cell=cell, drag=1)["state"]["devices"][0]["cell"]
         assert there == ([7, 7] if cell == building else cell)
-    back = tell("move", device=0, cell=building, drag=1, ends=True, refused="is a building")
-    assert mission_of(back) == mission_of(before) and back["state"]["flown"] == "h"
-    assert changes() == count
-    for cell in ([7, 7], [7, 6]):
-        tell("move", device=0, cell=cell, drag=3)
-    assert changes() == count + 1
-    assert mission_of(tell("undo", by=-1)) == mission_of(before)
+    back = tell("move", device=0, cell=building, drag=1, ends=True, refused="on a building")
+    assert back["state"]["devices"][0]["cell"] == [7, 6] and back["state"]["flown"] == ""
+    assert modules("() => lab.history.length") == count + 1
+    undone = tell("undo", by=-1)
+    assert mission_of(undone) == mission_of(before) and undone["state"]["flown"] == "h"
 
 
 def test_undo_brings_a_mission_back_or_a_move_and_a_city_is_found_as_it_was_left(tell):
@@ -96,26 +90,19 @@ def test_undo_brings_a_mission_back_or_a_move_and_a_city_is_found_as_it_was_left
         left = tell("fly", action=action)["state"]
     tell("city", name="manhattan")
     assert tell("city", name="village")["state"] == left
-    assert tell("undo", by=-1)["state"]["flown"] == "h"  # its moves, too
-    tell("undo", by=1)
     tell("again")
     assert tell("undo", by=-1)["state"]["flown"] == "hs"  # pressed by mistake
-    tell("move", device=0, cell=[7, 7])
-    assert tell("undo", by=-1)["state"]["flown"] == "hs"
-    tell("tool", tool="compare")
-    assert mission_of(tell("undo", by=-1)) != after  # elsewhere, past all of a flight
 
 
 IMPOSSIBLE = [
-    ("move", {"device": 0, "cell": [2, 4]}, "Not moved: row 2, column 4 is a building."),
-    ("move", {"device": 0, "cell": [0, 0]}, "row 0, column 0 is a landing zone."),
+    ("move", {"device": 0, "cell": [2, 4]}, "Not moved: device 0 at (2, 4) stands on a building"),
+    ("move", {"device": 0, "cell": [0, 0]}, "in the landing zone"),
     ("move", {"device": 0, "cell": [-1, 0]}, "outside the city of 8 × 8 cells"),
-    ("move", {"device": -1, "cell": [2, 4]}, "is a building"),
-    ("whatIf", {"device": 0, "cell": [2, 4]}, "is a building"),
+    ("move", {"device": -1, "cell": [2, 4]}, "a building"),
+    ("whatIf", {"device": 0, "cell": [2, 4]}, "on a building"),
     ("data", {"device": 0, "value": -1}, "must be 0 to below"),
     ("time", {"value": 0}, "flying time 0: must be at least 1"),
     ("time", {"value": 501}, "this page allows at most 500"),
-    ("paint", {"cells": LANDING, "sign": "."}, "no start and landing zone"),
     ("open", {"link": "abc"}, "this link is damaged"),
     ("open", {"link": "eJwDAAAAAAE"}, ""),
 ]  # fmt: skip
@@ -130,42 +117,28 @@ def test_what_cannot_be_is_refused_with_the_reason_and_changes_nothing(modules, 
     assert modules("() => new Promise((done) => setTimeout(() => done(window.left), 50))") == 0
 
 
-def test_painting_moves_what_stands_there_to_the_nearest_cell(tell):
+def test_painting_leaves_what_stands_there_and_a_painted_city_is_kept(tell):
     tell("city", name="empty 8 × 8")
     scene = tell("paint", cells=[[5, 5], [5, 6]], sign="B")
-    name = scene["state"]["city"]
+    name, state = scene["state"]["city"], scene["state"]
     assert scene["film"]["city"][5] == ".....BB." and name.startswith("my_city")
-    row, col = scene["state"]["devices"][0]["cell"]
-    painted = tell("paint", cells=[[row, col]], sign="B")
-    there = painted["state"]["devices"][0]["cell"]
-    assert abs(there[0] - row) + abs(there[1] - col) == 1
-    assert f"moved: device 0 to row {there[0]}, column {there[1]}." in painted["note"]
-    start = painted["state"]["start"]
-    walls = tell("paint", cells=[start], sign="N")
-    assert walls["state"]["start"] != start and max(walls["state"]["start"]) <= 1
+    row, col = state["devices"][0]["cell"]
+    walls = tell("paint", cells=[[row, c] for c in range(8)] + [state["start"]], sign="B")
+    signs = ["L" if [row, c] == state["start"] else "B" for c in range(8)]
+    for device in state["devices"]:
+        if device["cell"][0] == row:
+            signs[device["cell"][1]] = "."
+    assert walls["film"]["city"][row] == "".join(signs)
+    assert mission_of(walls) == mission_of(scene)
     tell("city", name="empty 12 × 12")
-    second = tell("paint", cells=[[5, 5]], sign="B")["state"]  # the first one is kept
+    second = tell("paint", cells=[[5, 5]], sign="B")["state"]
     assert {name, second["city"]} <= {*second["cities"]} and name != second["city"]
     assert tell("city", name=name)["film"]["city"] == walls["film"]["city"]
-
-
-def test_what_is_odd_about_a_mission_is_said(tell):
-    tell("city", name="empty 8 × 8")
-    device = tell("move", device=0, cell=[6, 6])["state"]["devices"]
-    for k in reversed(range(1, len(device))):
-        tell("remove", device=k)
+    tell("add", refused="this scenario takes 1 to 3")
+    for _ in state["devices"][1:]:
+        tell("remove", device=0)
     tell("remove", device=0, refused="the last device stays")
-    around = [[r, c] for r in (5, 6, 7) for c in (5, 6, 7) if (r, c) != (6, 6)]
-    sealed, unseen = tell("paint", cells=around, sign="B")["warnings"]
-    assert "row 6, column 6" in sealed and "seen from no cell" in unseen
-    tell("move", device=0, cell=[1, 6])
-    outside = tell("move", device=-1, cell=[7, 0])
-    assert "starts outside the landing zone" in outside["warnings"][-1]
-    assert ["manhattan_ddqn", "DDQN agent"] not in outside["state"]["known"]
-    assert "takes 7 of 3 units" in tell("time", value=3)["warnings"][-1]
-    tell("add", cell=[3, 3])
-    assert "No data at device 0." in tell("data", device=0, value=0)["warnings"]
-    assert tell("city", name="village")["warnings"] == []
+    assert len(tell("add")["state"]["devices"]) == 2
 
 
 def test_a_flight_by_hand_is_the_mission_flown_so(tell):
@@ -300,15 +273,13 @@ def test_what_takes_long_ends_when_something_else_is_done(modules, later):
         return scenes.map(({ refused, panel }) => [refused, Boolean(panel.many)]);
     }"""
     modules("() => { lab.extra = {}; }")
-    said = "Not done: the flight of 100 missions was ended by what was done meanwhile."
-    last = {"cancel": ["", False], "new": [said, False], "look": ["", True]}[later]
-    assert modules(script, later) == [["", False], last]
+    assert modules(script, later) == [["", False], ["", later == "look"]]
 
 
-def test_a_search_that_finds_nothing_goes_on_when_it_is_asked_again(modules, tell):
+def test_a_duel_is_searched_further_each_time(modules, tell):
     for number in (1, 2):
         tell("duel", wanted=1, refused="random is ahead in none of the next 200 missions")
-        assert modules("() => lab.tried.to") == 200 * number
+        assert modules("() => lab.looked") >= 200 * number
     tell("tool", tool="compare")
     panel = tell("duel", wanted=-1)["panel"]
     assert panel["headline"].startswith(("Greedy", "Random crashes"))
@@ -336,7 +307,7 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
     tell("policy", which=0, name="random")
     tell("policy", which=1, name="you")
     tell("tool", tool="channel")
-    tell("see", name="layer", value="value")
+    tell("see", name="value", value=True)
     tell("see", name="centred", value=True)
     kept = tell("show", step=1)["state"]
     stage, mission = json.loads(saved("stage")), json.loads(saved("mission"))
@@ -347,8 +318,6 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
     assert opened("a.json", stage)["state"] == kept | {"undo": True, "redo": False}
     fresh = opened("mission.json", mission)["state"]
     assert fresh["policies"] == ["random", "greedy"] and fresh["flown"] == ""
-    several = opened("a.json", stage, others=1)
-    assert several["note"] == "Only a.json was opened: open one file at a time."
 
 
 def picture(pixels):
@@ -401,28 +370,15 @@ def test_an_agent_over_another_channel_than_the_pages_is_refused(opened, tmp_pat
 
 
 WRONG = [
-    ("version", 2, "another version of the labs (2; this page reads 1): open it there, or"),
+    ("version", 2, "not of version 1 of the labs"),
     ("format", "x", "neither a saved page"),
-    ("tool", 7, "opens the tool 7, which this page does not have"),
-    ("policies", ["greedy", 1], "which two fly"),
-    ("looks", 5, "does not say how one looks at the map"),
-    ("looks", {"layer": "x"}, 'chooses the layer "x", which this page does not have'),
-    ("flown", "nx", "letters beside neswhl"),
-    ("flown", "x" * 500, 'a flight "xxxx'),
-    ("step", -2, "shows step -2: here it is from -1"),
-    ("device", 5, "this file shows device 5: here it is from 0"),
-    ("mission", None, "the mission is missing in this file: save the page again"),
-    ("mission", {"version": 99}, "another version of the labs (99; this page reads 1)"),
+    ("mission", None, "this is no mission of version 1"),
     ("mission", {"flying_time": 501}, "this page allows at most 500"),
-    ("mission", {"flying_time": 0}, "flying time 0: must be at least 1"),
-    ("mission", {"devices": [{"cell": [7, 7], "data": "x"}]}, "damaged: an amount of data"),
-    ("mission", {"devices": [5]}, "damaged: a cell"),
-    ("mission", {"start": [0.5, 0]}, "damaged: a cell"),
+    ("mission", {"devices": [{"cell": [7, 7], "data": "x"}]}, "device 0 has x data units"),
+    ("mission", {"devices": [5]}, "damaged"),
+    ("mission", {"start": [0.5, 0]}, "(0.5, 0) is outside the city"),
     ("mission", {"city": {"name": "x", "rows": ["LZ", ".."]}}, "row 0, column 1: 'Z' is none"),
-    ("mission", {"city": 5}, "damaged: its city"),
-    ("mission", {"devices": []}, "0 devices"),
     ("mission", {"seed": -1}, "seed -1"),
-    ("mission", {"devices": [{"cell": [7, 7], "data": 1}] * 3}, "this scenario takes 1 to 2;"),
 ]
 
 
@@ -431,10 +387,11 @@ def test_a_file_with_a_wrong_entry_or_of_another_kind_is_refused(opened, saved):
     for entry, value, said in WRONG:
         value = stage[entry] | value if entry == "mission" and value else value
         assert len(opened("a.json", stage | {entry: value}, refused=said)["refused"]) < 300
-    scene = opened("a.json", stage | {"policies": ["foo", "random"]})
+    odd = {"policies": ["foo", "random"], "tool": 7, "step": -2, "device": 5, "flown": "x"}
+    scene = opened("a.json", stage | odd)
     assert scene["note"] == "“foo” cannot fly here, so others do."
-    assert scene["state"]["policies"] == ["random", "greedy"]
-    opened("photo.jpg", b"\xff\xd8{", refused=r"(.json), a city (.png) or an agent (.safetensors)")
+    assert scene["state"]["policies"] == ["random", "greedy"] and scene["state"]["tool"] == "fly"
+    assert [scene["state"][name] for name in ("step", "device", "flown")] == [-1, 0, ""]
+    opened("photo.jpg", b"\xff\xd8{", refused="a city (.png) or an agent (.safetensors)")
     opened("a.json", [1], refused="neither a saved page nor a mission")
     opened("a.json", b'{"format": "uavdh_lite sta', refused="cut off: save it again")
-    opened("a.json", b" " * 1_000_001, refused="too large")

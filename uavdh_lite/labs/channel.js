@@ -1,24 +1,13 @@
 // The radio link of one device to every cell, without fading, as a ledger.
 
 import { KINDS } from "../player.js";
-import { button, colourOf, heat, outline, ramp } from "./html.js";
+import { button, colourOf, heat, ramp } from "./html.js";
 import { signed, units } from "./words.js";
 import { CHANNEL, pathLossDb, rate } from "./world.js";
 
 /**
- * What becomes of the signal on its way to each cell; lists are by the cell's number.
- *
- * | entry | meaning |
- * | --- | --- |
- * | `transmit` | the SNR at a distance of 1 m, dB |
- * | `distance` | from the device to a UAV over the cell, m |
- * | `pathLoss` | with a line of sight, dB |
- * | `building` | what the buildings in between cost, dB; 0 with a line of sight |
- * | `snr` | what is left, dB |
- * | `rate`, `free` | data units a slot, and what they would be with a line of sight |
- * | `dearest` | the cell over which a building costs most data |
- * | `range` | SNRs over this city from the weakest to the strongest, in steps of 10 dB |
- * | `fading` | its standard deviation without a line of sight and with one, dB |
+ * What becomes of the signal on its way to each cell, by the cell's number: distance, SNR and losses,
+ * and the data units a slot, with the buildings (`rate`) and without (`free`).
  * @param {import("./world.js").Environment} environment
  * @param {[number, number]} device row and column
  */
@@ -39,9 +28,9 @@ export function ledger(environment, device) {
   const weakest = transmit - pathLossDb(squared(size - 1, size - 1), 0);
   const strongest = transmit - pathLossDb(squared(0, 0), 1);
   return {
-    transmit,
+    transmit, // the SNR at a distance of 1 m, dB
     distance: far.map(Math.sqrt),
-    pathLoss,
+    pathLoss, // with a line of sight, dB
     building: snr.map((left, cell) => transmit - pathLoss[cell] - left),
     snr,
     rate: rates,
@@ -52,7 +41,7 @@ export function ledger(environment, device) {
   };
 }
 
-/** For each row of the city, `#` where a device in this cell is out of sight; none on a building. */
+/** Rows of the city, `#` where a device in this cell is out of sight; none on a building. */
 export function hiddenRows(environment, position) {
   const { city, size } = environment;
   const cell = city.cell(position);
@@ -76,19 +65,11 @@ export const CHANNEL_TOOL = {
       <table class="ledger"></table>
       ${ramp(low, high, `SNR over each cell. Point at one.`)}`;
   },
-  under({
-    film,
-    panel: {
-      snr,
-      range: [low, high],
-    },
-  }) {
-    return heat(snr, film.city.length, (value) => colourOf((value - low) / (high - low)), 0.9);
+  under({ film, panel }) {
+    const [low, high] = panel.range;
+    return heat(panel.snr, film.city.length, (snr) => colourOf((snr - low) / (high - low)), 0.9);
   },
-  over({ film, panel }) {
-    const edge = outline(panel.building, film.city.length, (each) => each > 1e-6);
-    return `${edge}<path class="ray"/>`;
-  },
+  over: () => '<path class="ray"/>',
   point(stage, { panel, state, film }, pointed) {
     if (pointed || this.city !== String(film.city))
       [this.cell, this.city] = [pointed, String(film.city)]; // the last one stays

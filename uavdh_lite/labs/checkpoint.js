@@ -1,13 +1,13 @@
-// Saves a trained agent as checkpoint.py does: one safetensors file, which Python and these pages load.
+// Saves a trained agent as checkpoint.py does: a safetensors file that Python and the labs load.
 
 const TYPES = new Map([
   [Float32Array, "F32"],
   [Uint8Array, "U8"],
 ]);
 const TORCH = { F32: "torch.float32", U8: "torch.uint8" };
-const [LONGEST, ODD] = [50, /[/\\:*?"<>|]/g]; // letters of a scenario's name in Python, and those it may not have
+const [LONGEST, ODD] = [50, /[/\\:*?"<>|]/g]; // of a scenario's name in Python: its length, what it has not
 
-/** What an agent is as it is now, and its file holds: tensors by name, and JSON values. @param {import("./training.js").Trainer} trainer */
+/** An agent as it is now: tensors by name, and JSON values. */
 export function partsOf({
   environment: { city, size },
   scenario,
@@ -19,7 +19,7 @@ export function partsOf({
 }) {
   const { double, frozen, seed, ...told } = dials;
   const recipe = { ...told, name: "labs" };
-  recipe.replay_prefill = Math.min(recipe.replay_prefill, recipe.replay_capacity); // as Python requires
+  recipe.replay_prefill = Math.min(recipe.replay_prefill, recipe.replay_capacity);
   const tensors = { cities: { shape: [1, size, size], values: city.kinds } };
   for (const { name, shape, values } of online.weights)
     tensors[`network.${name}`] = { shape, values: Float32Array.from(values) };

@@ -1,5 +1,5 @@
-// Two flights of one mission: the difference in a sentence, where they part, what the other's action
-// would have made of it, and the data of both over time.
+// Two flights of one mission: their difference in a sentence, where they part, what the other's
+// action would have made of it, and the data of both over time.
 
 import { at, escaped, momentAt, scaleOf, UAV } from "../player.js";
 import { button, chooser } from "./html.js";
@@ -8,14 +8,14 @@ import { ACTIONS } from "./world.js";
 
 export const COLOURS = ["#0072b2", "#d55e00"]; // of the first flight and the second
 const AHEAD = 2; // of the return: a lead that makes a duel
-const WORTH = 0.5; // of the return: what another action must change at least, and half of the lead, to be called a cause
+const WORTH = 0.5; // of the return, and half of the lead: what a cause changes at least
 const SIDE = 0.13; // cells by which the two ways lie beside each other
 
 const tenths = (value) => Number(value.toFixed(1));
 /** By how much the first's return is ahead, as both are shown. */
 export const lead = ([first, second]) => tenths(tenths(first.return) - tenths(second.return));
 
-/** The first step in which two flights act differently; null if there is none. Until then all is equal. */
+/** The first step in which two flights act differently, null if there is none. */
 export function parting(first, second) {
   const step = first.action.findIndex((action, k) => action !== second.action[k]);
   return step < 0 || step >= second.action.length ? null : step;
@@ -57,10 +57,10 @@ const DONE = { hover: "hovered", land: "landed" };
 const done = (action) => DONE[action] ?? `flown ${action}`;
 
 /**
- * What the other's action where they part would have made of a flight, flown on by itself: a sentence,
- * or nothing if it changes little. Whoever is behind is asked first, if it can fly on at all.
+ * What the other's action where they part would have made of a flight, flown on by itself: a
+ * sentence, or nothing if it changes little. Whoever is behind is asked first, if it can fly on.
  * @param {number | null} part  @param {object[]} results
- * @param {(which: number, actions: number[]) => object | null} flyOn numbers of a flight that begins with actions
+ * @param {(which: number, actions: number[]) => object | null} flyOn numbers of what begins so
  */
 export function cause(who, flights, results, part, flyOn) {
   if (part === null || !results.every(({ ended }) => ended)) return "";
@@ -117,8 +117,9 @@ export const COMPARE = {
     const ways = film.flights.map(({ path }, k) => way(path, k));
     const [row, col] = film.flights[0].path[part ?? 0];
     const ring = part === null ? "" : `<circle class="parting" cx="${col}" cy="${row}" r=".62"/>`;
-    const second = `<g class="uav second"><g transform="scale(${scale})">${UAV}</g></g>`;
-    return `${ways.join("")}${ring}<path class="heard" stroke="${COLOURS[0]}"/><path class="heard" stroke="${COLOURS[1]}"/>${second}`;
+    const heard = COLOURS.map((colour) => `<path class="heard" style="--colour: ${colour}"/>`);
+    const second = `<g class="uav second" style="--colour: ${COLOURS[1]}"><g transform="scale(${scale})">${UAV}</g></g>`;
+    return `${ways.join("")}${ring}${heard.join("")}${second}`;
   },
   moment(stage, { film }, time) {
     film.flights.forEach((flight, k) => {
@@ -150,7 +151,7 @@ function way(path, k) {
     const [down, right] = [Math.sign(after[0] - before[0]), Math.sign(after[1] - before[1])];
     return `${col - (k ? -1 : 1) * SIDE * -down} ${row - (k ? -1 : 1) * SIDE * right}`;
   });
-  return `<path class="way" stroke="${COLOURS[k]}" d="M${points.join("L")}"/>`;
+  return `<path class="way" style="--colour: ${COLOURS[k]}" d="M${points.join("L")}"/>`;
 }
 
 const [WIDTH, HEIGHT, LEFT, RIGHT, MIDDLE] = [440, 230, 8, 8, 112];
@@ -161,7 +162,7 @@ const inHand = ({ left }, step, k = null) => {
   return k === null ? each.reduce((total, amount) => total + amount, 0) : each[k];
 };
 
-/** The data in hand of both over time, by device: the first flight upwards, the second downwards. */
+/** The data in hand of both over time, by device: the first upwards, the second downwards. */
 function chart({ flights, devices }, who, part) {
   const steps = Math.max(...flights.map(({ path }) => path.length - 1));
   const all = flights[0].left[0].slice(0, -1).reduce((total, each) => total + each, 0);
@@ -182,9 +183,7 @@ function chart({ flights, devices }, who, part) {
     return `${layers.join("")}<text class="end" x="${Math.min(xOf(last, steps), WIDTH - 8)}" y="${y(below.at(-1)) + (k ? 12 : -3)}">${end}</text>${name}`;
   });
   const parts =
-    part === null
-      ? ""
-      : `<path class="parts" d="M${xOf(part, steps)} 16V${HEIGHT - 16}"><title>they part</title></path>`;
+    part === null ? "" : `<path class="parts" d="M${xOf(part, steps)} 16V${HEIGHT - 16}"></path>`;
   const told = flights.map((flight, k) => `${who[k].title}: ${flight.ending}`).join(" ");
   return `<svg class="chart" viewBox="0 0 ${WIDTH} ${HEIGHT}" data-steps="${steps}" role="img" aria-label="data in hand over time. ${escaped(told)}">
     <path class="axis" d="M${LEFT} ${MIDDLE}H${WIDTH - RIGHT}"/>${areas.join("")}${parts}<path class="now"/>
@@ -192,7 +191,7 @@ function chart({ flights, devices }, who, part) {
 }
 
 const points = (mean) => `${mean < 0 ? "−" : "+"}${Math.abs(mean).toFixed(1)}`;
-/** What both bring home from a hundred missions, with the intervals of the means and of their difference. */
+/** What both bring home from a hundred missions, and the difference, with their intervals. */
 function hundred({ rows, difference: [mean, low, high] }) {
   const least = Math.max(0, 10 * Math.floor(Math.min(...rows.map(({ both }) => both[1])) / 10 - 1));
   const x = (percent) => 130 + (260 * (percent - least)) / (100 - least);

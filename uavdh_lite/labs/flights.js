@@ -2,9 +2,8 @@
 
 import { hiddenRows } from "./channel.js";
 import { Greedy, Random } from "./pilots.js";
-import { ACTIONS, Environment, HandFlight, NO_PATH, kept, sum } from "./world.js";
+import { ACTIONS, Environment, HandFlight, kept, sum } from "./world.js";
 import { LETTERS, YOU } from "./state.js";
-import { listed, timeUnits } from "./words.js";
 
 /**
  * @typedef {import("./world.js").Trajectory & { values?: Float32Array[] }} Flight
@@ -119,34 +118,4 @@ function filmedFlight(flight, { city, devices, flyingTime }) {
     left: flight.dataLeft.map((left, k) => [...left.slice(0, devices.length), flight.timeLeft[k]]),
     refused: flight.action.map((action, k) => (flight.intervened[k] ? ACTIONS[action] : "")),
   };
-}
-
-/**
- * What is odd about a mission, in sentences: cells that no way leads to, devices that nobody hears well, too little time.
- * @param {Environment} environment
- */
-export function warnings(environment, { city, start, devices, data, flyingTime }) {
-  const reached = (cell) => city.landingDistance[cell] >= 0;
-  const sealed = [...city.kinds.keys()].filter((cell) => !city.noFly[cell] && !reached(cell));
-  const told = [];
-  if (sealed.length) {
-    const [row, col] = city.position(sealed[0]);
-    told.push(`No way leads from the landing zone to row ${row}, column ${col}.`);
-  }
-  devices.forEach((position, device) => {
-    const cell = city.cell(position);
-    if (!environment.isSeen(cell))
-      told.push(`Device ${device} is seen from no cell that the UAV can reach.`);
-    else if (!city.noFly[cell] && !reached(cell))
-      told.push(`No way leads to device ${device}: it can only be heard from afar.`);
-  });
-  if (!city.landing[city.cell(start)])
-    told.push("This mission starts outside the landing zone; random missions start in it.");
-  const home = environment.timeToLand[city.cell(start)];
-  const bare = [...data.keys()].filter((device) => !data[device]);
-  if (bare.length) told.push(`No data at ${listed(bare.map((device) => `device ${device}`))}.`);
-  if (home === NO_PATH) told.push("No way leads home from the start.");
-  else if (home >= flyingTime)
-    told.push(`The way home alone takes ${home} of ${timeUnits(flyingTime)}.`);
-  return told;
 }

@@ -22,16 +22,15 @@ function nearest(all, { clientX, clientY }, most = Infinity) {
 export function attend(stage) {
   const { el, find, ask } = stage;
   const main = find(".main");
-  const maps = () => [...el.querySelectorAll(".map svg")]; // each answer may draw them anew
+  const map = () => find(".map svg"); // each answer may draw it anew
   const tool = () => TOOLS[stage.scene.state.tool];
-  let drag = null; // what is dragged, over which map, and the cell that it has come to
+  let drag = null; // what is dragged, and the cell that it has come to
   let drags = 0; // how many there were
 
   const cellAt = (event) => {
-    const svg = event.target.closest?.(".map")?.querySelector("svg") ?? (drag && maps()[drag.map]);
-    if (!svg) return null;
+    if (!drag && !event.target.closest?.(".map")) return null;
     const pointer = new DOMPoint(event.clientX, event.clientY);
-    const { x, y } = pointer.matrixTransform(svg.getScreenCTM().inverse());
+    const { x, y } = pointer.matrixTransform(map().getScreenCTM().inverse());
     const [row, col] = [Math.round(y), Math.round(x)];
     return stage.scene.film.city[row]?.[col] === undefined ? null : [row, col];
   };
@@ -42,7 +41,7 @@ export function attend(stage) {
     const device = devices.findIndex((each) => here(each.cell));
     return device >= 0 ? device : here(start) ? -1 : null;
   };
-  /** What a pointer takes: what is in its cell; near a finger, also what is beside it, unless a brush paints there. */
+  /** What a pointer takes: what is in its cell; a finger that does not paint, also what is near. */
   const taken = (event, cell) => {
     const thing = cell && thingAt(cell);
     const exact = event.pointerType !== "touch" || tool() === TOOLS.paint;
@@ -78,12 +77,7 @@ export function attend(stage) {
     if (!painting && thing === null) return;
     event.preventDefault();
     main.setPointerCapture(event.pointerId);
-    drag = {
-      thing,
-      at: cell,
-      number: (drags += 1),
-      map: maps().indexOf(event.target.closest(".map").querySelector("svg")),
-    };
+    drag = { thing, at: cell, number: (drags += 1) };
     if (!painting) return;
     brush.cells = [];
     stroke(cell);
@@ -116,16 +110,10 @@ export function attend(stage) {
     if (drag && event.type === "pointerup") move(event); // where it is let go is where it stays
     if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
     else if (drag?.moves) ask(moves(drag.thing, drag.at, { drag: drag.number, ends: true }));
-    else if (drag && stage.scene.state.tool === "paint") stands(drag.thing);
     [drag, brush.cells] = [null, null];
   };
   main.addEventListener("pointerup", release);
   main.addEventListener("pointercancel", release);
-
-  const stands = (thing) =>
-    stage.refuse(
-      `Not painted: ${thing < 0 ? "the start" : `device ${thing}`} is there. Move it away, or paint over it from beside.`,
-    );
 
   /** Paints all cells on the way, however fast the pointer is. */
   function strokeTo(cell, before) {
@@ -142,20 +130,15 @@ export function attend(stage) {
     stage.fresh();
   }
 
-  /** Where curves are pressed beside their points, the nearest one is meant. */
-  const pressed = (event) =>
-    nearest(event.target.closest(".curves")?.querySelectorAll(".dot") ?? [], event) ?? event.target;
-
   const does = {
     skip: stage.endStory,
     go: stage.goOn,
     tell: stage.tellStory,
     refusal: () => stage.refuse(""),
-    copy: stage.copyLink,
     more: () => (find(".drawer").open ? find(".drawer").close() : find(".drawer").show()),
   };
   el.addEventListener("click", (event) => {
-    const target = pressed(event).closest("button, [data-ask], .refusal");
+    const target = event.target.closest("button, [data-ask], .refusal");
     if (!target) return;
     const { ask: asked, tool: name, sign } = target.dataset;
     if (!target.closest(".caption, .controls")) stage.endStory();
@@ -180,41 +163,29 @@ export function attend(stage) {
     const { set, field } = target.dataset;
     const { value } = target;
     const { looks } = stage.scene.state;
-    const steers = stage.scene.state.tool === "fly" && set && !target.matches(":focus-visible"); // again, unless keys chose
+    const steers = stage.scene.state.tool === "fly" && set && !target.matches(":focus-visible");
     if (steers) find("#panel").focus({ preventScroll: true });
     if (set === "city") ask({ kind: "city", name: value });
     else if (set?.startsWith("policy-"))
       ask({ kind: "policy", which: Number(set.at(-1)), name: value });
-    else if (set === "link") stage.openLink(value);
     else if (set in looks)
       ask({ kind: "see", name: set, value: target.type === "checkbox" ? target.checked : value });
-    if (field) changeField(field, target);
+    if (field && target.reportValidity()) {
+      const [name, device] = field.split(" ");
+      for (const place of [".devices", ".fields"]) find(place).written = null; // a refused one is put back
+      ask({ kind: name, device: Number(device), value: target.valueAsNumber });
+    }
     if (target.files?.length) {
       open(target.files);
       target.value = ""; // so that the same file can be opened again
     }
   });
 
-  function changeField(field, target) {
-    const { valueAsNumber: value, validity, min, max, step, labels } = target;
-    const [name, place] = field.split(" ");
-    const device = Number(place);
-    const what = `${labels[0].textContent.trim()}${place ? ` of device ${device}` : ""}`;
-    for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
-    if (!validity.valid) {
-      target.value = target.defaultValue;
-      setTimeout(() => target.focus()); // Tab has left it by then
-      stage.refuse(
-        `Not done: the ${what} must be ${step === "any" ? "a" : "a whole"} number from ${min} to ${max}.`,
-      );
-    } else ask({ kind: name, device, value });
-  }
-
   /** Sends what a file holds: not every engine lets a worker read the file itself. */
-  const open = async ([file, ...others]) => {
+  const open = async ([file]) => {
     stage.endStory();
     const bytes = new Uint8Array(await file.arrayBuffer());
-    ask({ kind: "open", file: { name: file.name, bytes }, others: others.length });
+    ask({ kind: "open", file: { name: file.name, bytes } });
   };
   el.addEventListener("dragover", (event) => event.preventDefault());
   el.addEventListener("drop", (event) => {
@@ -251,7 +222,6 @@ export function attend(stage) {
     if (device >= 0 && key === "Enter" && state.tool === "channel")
       return () => ask({ kind: "look", device: Number(device) });
     if (target.matches(".map svg")) return overMap(key, down, right);
-    if (target.matches(".curves")) return tool().keyed(stage, key, down, right);
     const presses = key === " " && target.matches("button:not([role=tab])");
     const steer = tool().keys?.[key];
     if (!steer || presses) return null;
@@ -260,7 +230,7 @@ export function attend(stage) {
 
   /** The keys' pointer comes to a cell. */
   function pointAt([row, col]) {
-    const [svg] = maps();
+    const svg = map();
     const { x: clientX, y: clientY } = new DOMPoint(col, row).matrixTransform(svg.getScreenCTM());
     svg.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY, bubbles: true }));
   }
@@ -270,13 +240,13 @@ export function attend(stage) {
     if (target.matches(".map svg:focus-visible")) pointAt(stage.hovered ?? left ?? start);
     else if (target.matches(".map g[data-device]:focus-visible"))
       pointAt(devices[target.dataset.device]?.cell ?? start);
-    if (target.matches(":focus-visible:not(.drawer *)")) find(".drawer").close(); // it would hide the focus
+    if (target.matches(":focus-visible:not(.drawer *)")) find(".drawer").close();
   });
   el.addEventListener("focusout", ({ target, relatedTarget }) => {
     if (target.matches(".map svg")) left = stage.hovered;
     if (!target.closest(".map") || !relatedTarget || relatedTarget.closest(".map")) return;
     hover(null);
-    maps()[0].dispatchEvent(new PointerEvent("pointerleave"));
+    map().dispatchEvent(new PointerEvent("pointerleave"));
   });
 
   /** Keys move a cell over the map; Enter and space do there what a press does. */
@@ -292,11 +262,9 @@ export function attend(stage) {
     const { tool: name } = stage.scene.state;
     if (name === "channel" && thing !== null && thing >= 0)
       return () => ask({ kind: "look", device: thing });
-    if (name !== "paint") return null;
-    return () =>
-      thing === null
-        ? ask({ kind: "paint", cells: [[row, col]], sign: brush.sign })
-        : stands(thing);
+    return name === "paint"
+      ? () => ask({ kind: "paint", cells: [[row, col]], sign: brush.sign })
+      : null;
   }
 
   // First of all, and whatever has the focus on a page of our own

@@ -5,16 +5,13 @@ import { escaped, square } from "../player.js";
 export const WORDS = {
   greedy: "a simple rule: fly to the nearest device with data, and home in time",
   random: "every action is equally likely",
-  return:
-    "the sum of rewards: each unit of data counts 1, each step −0.2 (a landing nothing), a refused action −1, a crash −150",
-  fading:
-    "random changes of the radio link, by their standard deviation; the same for all who fly a mission",
-  "Q-value":
-    "the return that the network expects from here on if it takes this action now; later rewards count less",
+  return: "the sum of rewards: 1 for a unit of data, −0.2 a step, −1 a refusal, −150 a crash",
+  fading: "random changes of the radio link, the same for all who fly a mission",
+  "Q-value": "the return expected from here on with this action; later rewards count less",
   score: "how surely the planner that the agent copied would take this action",
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
-  "SNR at 1 m": "1 m from the device; set by the city's size, so that −15 dB are left at a corner",
-  slot: "a quarter of a step; each goes to the device that is heard best, and brings log2(1 + SNR) units",
+  "SNR at 1 m": "1 m from the device; larger in a larger city, whose corners it must reach",
+  slot: "a quarter of a step; the device that is heard best has it: log2(1 + SNR) units",
   value: "the Q-value or score of the best action if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
   "path loss": "what the signal loses on its way: 22.7 dB each time the distance grows tenfold",
@@ -62,18 +59,11 @@ export const heat = (values, size, colour, opacity = 0.85) =>
     )
     .join("")}</g>`;
 
-/** The outline of the cells, by number, for which something holds. */
-export function outline(values, size, holds) {
-  const inside = (y, x) => y >= 0 && y < size && x >= 0 && x < size && holds(values[y * size + x]);
-  let d = "";
-  values.forEach((_, cell) => {
-    const [y, x] = [Math.floor(cell / size), cell % size];
-    if (!inside(y, x)) return;
-    const [left, top] = [x - 0.5, y - 0.5];
-    if (!inside(y - 1, x)) d += `M${left} ${top}h1`;
-    if (!inside(y + 1, x)) d += `M${left} ${top + 1}h1`;
-    if (!inside(y, x - 1)) d += `M${left} ${top}v1`;
-    if (!inside(y, x + 1)) d += `M${left + 1} ${top}v1`;
-  });
-  return `<path class="outline" d="${d}"/>`;
+/** What each cell is worth, drawn, and the scale; what is far below the best looks alike. */
+export function valued(values, size) {
+  const known = values.filter((value) => value !== null);
+  const high = Math.max(...known);
+  const low = Math.max(Math.min(...known), high - 15);
+  const colour = (value) => colourOf((value - low) / (high - low || 1));
+  return { low, high, cells: heat(values, size, colour) };
 }

@@ -1,14 +1,14 @@
-// A Q-network, as network.py has it and beyond/global_local.py, and how it learns: gradients and Adam.
-// tests/labs compares all of it with PyTorch's. A batch has n rows, and each layer its own buffers for as
-// many as it has at most: `forward(x, n)` gives the layer's output, `backward(slopes, n)` the gradients
-// of its weights and, from the slopes of what comes out, those of what goes in.
+// A Q-network, as in network.py and beyond/global_local.py, and how it learns: gradients and Adam.
+// tests/labs compares all with PyTorch's. A batch has n rows, and each layer its own buffers:
+// `forward(x, n)` gives the layer's output, `backward(slopes, n)` the gradients of its weights and,
+// from the slopes of what comes out, those of what goes in.
 
 import { ACTIONS } from "./world.js";
 
 const NO_FLY_LAYER = 1; // of the map; outside the city it is 1, and every other layer 0
 const zeros = (length) => new Float64Array(length); // which engines multiply faster than 32 bits
 
-/** Weights of a layer, under their name in PyTorch, with their gradient and what Adam keeps of it. */
+/** Weights of a layer, by their name in PyTorch, their gradient and what Adam keeps of it. */
 class Weights {
   constructor(name, shape, values, learns) {
     Object.assign(this, { name, shape, values });
@@ -18,9 +18,9 @@ class Weights {
 }
 
 /**
- * c = a · bᵀ, of which a has `rows` and b `cols` rows of `inner` numbers. Two rows by four are summed
- * at once, so that what is read serves several sums; where rows end, the last one comes again. Each
- * sum is a variable of its own, because engines make fast code of that alone.
+ * c = a · bᵀ, of which a has `rows` and b `cols` rows of `inner` numbers. Two rows by four are
+ * summed at once, so that what is read serves several sums; where rows end, the last comes again.
+ * Each sum is a variable of its own, because engines make fast code of that alone.
  */
 function product(a, b, c, rows, cols, inner) {
   for (let j = 0; j < cols; j += 4) {
@@ -82,7 +82,7 @@ function transpose(a, b, rows, cols) {
 
 /** Fully connected; the first weights are Glorot's uniform ones. */
 class Linear {
-  /** @param {{batch: number, generator: import("./world.js").Portable | null}} how see `QNetwork` */
+  /** @param {{batch: number, generator: object | null}} how see `QNetwork` */
   constructor(name, inputs, outputs, { batch, generator }, fan = [inputs, outputs], shape = null) {
     Object.assign(this, { inputs, outputs, out: zeros(batch * outputs) });
     const most = Math.sqrt(6 / (fan[0] + fan[1]));
@@ -145,7 +145,7 @@ class Gather {
   }
 }
 
-/** Kernels over each place of a map, no padding: for each place, what is under the kernel, fully connected. */
+/** Kernels over each place of a map, no padding: what is under one, fully connected. */
 class Convolution {
   /** @param {(channel: number, cell: number) => number} at where the map has it */
   constructor(name, channels, width, { kernels, kernel_size: side }, stride, how, at) {
@@ -252,14 +252,14 @@ export class QNetwork {
    * @param {object} recipe its layers
    * @param {number} channels of the map
    * @param {number} width of the map, cells
-   * @param {{batch: number, generator: import("./world.js").Portable | null}} how the most rows at a time,
-   *   and what draws the first weights; null: it does not learn
+   * @param {{batch: number, generator: object | null}} how the most rows at a time, and a `Portable`
+   *   for the first weights; null: it does not learn
    */
   constructor(recipe, channels, width, how) {
     const { kernels, strides, hidden, layer_norm, leak, pooling } = recipe;
     const views = viewsOf(zeros(channels * width ** 2), width, recipe);
     let inputs = 1; // the flying time
-    /** Layers of each view, from its map to the features; they begin at `from` of the head's inputs. */
+    /** Layers of each view, whose features begin at `from` of the head's inputs. */
     this.branches = views.map(([, side], branch) => {
       const layers = [];
       let before = channels;
@@ -311,7 +311,7 @@ export class QNetwork {
     return this.head.reduce((x, layer) => layer.forward(x, n), features);
   }
 
-  /** The gradients of what has these slopes in the last Q-values. @param {Float64Array} slopes (n, 6) */
+  /** The gradients of what has these slopes, (n, 6), in the last Q-values. */
   backward(slopes, n) {
     const { inputs } = this;
     const all = this.head.reduceRight((x, layer) => layer.backward(x, n), slopes);
@@ -349,7 +349,7 @@ export class QNetwork {
     });
   }
 
-  /** By name, as in a checkpoint. @returns {Object<string, {shape: number[], values: Float64Array}>} */
+  /** By name, as in a checkpoint. */
   get tensors() {
     return Object.fromEntries(this.weights.map(({ name, ...tensor }) => [name, tensor]));
   }
@@ -359,10 +359,7 @@ export class QNetwork {
   }
 }
 
-/**
- * The maps that a network sees of one map, each with its side: all of it, or, with pooling, a coarse
- * one of all and the cells around the UAV.
- */
+/** What a network sees of a map, with the sides: all, or, pooled, all and the cells around the UAV. */
 export function viewsOf(map, width, recipe) {
   const { pooling, local_size: most } = recipe;
   if (!pooling) return [wholeFrame(map, width, recipe, 1)];
@@ -373,7 +370,7 @@ export function viewsOf(map, width, recipe) {
   ];
 }
 
-/** Cells as outside the city, to the south and east, so that no layer leaves any out; network.py. */
+/** Cells as outside the city, south and east, so that no layer leaves any out; network.py. */
 function wholeFrame(map, width, { kernel_size, strides }, pooling) {
   const window = strides.reduceRight((cells, stride) => (cells - 1) * stride + kernel_size, 1);
   const step = strides.reduce((product, stride) => product * stride, 1);

@@ -1,5 +1,5 @@
-// Where the code begins: on the page it draws the stage; in a worker, where it begins once more, it does
-// what the first thing that it is told says.
+// Where the code begins: on the page it draws the stage; in a worker, where it begins once more, it
+// does what the first thing that it is told says.
 
 import { Run } from "./run.js";
 import { Session } from "./session.js";
@@ -26,7 +26,7 @@ function show() {
   setChannel(data.channel);
   const code = encodeURIComponent(document.getElementById("code").textContent);
 
-  /** Begins a worker; `hear` takes what it answers. Where a page may begin none, its work is done here. */
+  /** Begins a worker, whose answers `hear` takes. Where none may begin, its work is done here. */
   function begin(work, first, hear) {
     const worker = new Worker(`data:text/javascript;charset=utf-8,${code}`);
     let send = (told) => worker.postMessage(told);

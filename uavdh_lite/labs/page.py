@@ -72,7 +72,7 @@ def page(
     Raises `CheckpointError` for a file that holds no agent, and `InputError` for agents over
     several channels.
     """
-    names = ("player.css", "labs/stage.css", "labs/train.css")
+    names = ("player.css", "labs/stage.css")
     style = "\n".join((PACKAGE / name).read_text(encoding="utf-8") for name in names)
     about = {**data(agents), "tool": tool, "mission": mission and as_json(mission)}
     told = json.dumps(about, separators=(",", ":")).replace("<", "\\u003c")

@@ -151,7 +151,7 @@ export class Observation {
 export class Agent {
   /**
    * @param {object} about the JSON of the file's header
-   * @param {Object<string, {shape: number[], values: ArrayLike<number>}>} tensors by their names in the file
+   * @param {object} tensors shape and values by their names in the file
    */
   constructor(about, { cities, ...tensors }) {
     const { recipe, size } = about;
@@ -229,7 +229,7 @@ export function readAgent(bytes) {
     channel = about.scenario.channel;
   } catch {
     throw new InputError(
-      "not an agent of this package, or a damaged file: open a checkpoint that a training of uavdh_lite saved",
+      "not an agent of this package, or a damaged file: open a checkpoint that training saved",
     );
   }
   require(hasChannel(channel), "this agent was trained over another radio channel than the page's");

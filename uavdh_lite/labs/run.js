@@ -1,4 +1,4 @@
-// A run in a worker of its own: it learns as long as nobody stops it, and tells what the page shows.
+// A run in a worker of its own: it learns until it is stopped, and tells what the page shows.
 
 import { checkpoint, partsOf } from "./checkpoint.js";
 import { bytesOf, readAgent } from "./pilots.js";

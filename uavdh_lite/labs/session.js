@@ -1,9 +1,9 @@
-// A session: it hears what is done on the page, and says what is to be drawn. It runs in a worker, so
-// that no computation stops the drawing.
+// A session: it hears what is done on the page, and says what is to be drawn. It runs in a worker,
+// so that no computation stops the drawing.
 
 import { hiddenRows, ledger } from "./channel.js";
 import { cause, headline, isDuel, parting } from "./compare.js";
-import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
+import { Hangar, filmOf, numbers, whoIs } from "./flights.js";
 import { Agent, bytesOf, digestOf, readAgent, valueMap } from "./pilots.js";
 import {
   CHANGES,
@@ -15,7 +15,6 @@ import {
   pictureOf,
   randomMission,
   readFile,
-  requireStand,
   scenarioOf,
   stageAsJson,
   textOfLink,
@@ -23,30 +22,24 @@ import {
 } from "./state.js";
 import { cameOf, changed, worths } from "./think.js";
 import { City, InputError, require, studentInterval } from "./world.js";
-import { LONGEST, NAME, listed, upper } from "./words.js";
+import { LONGEST, upper } from "./words.js";
 
-const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const KEPT = 100; // changes and moves that can be undone
 const MISSIONS = 100;
 const TRIES = 200; // missions that are looked at for a duel
-const FIRST = 1_000_000; // the number from which on missions are drawn for means: "New" does not come so far
+const FIRST = 1_000_000; // of the missions that are drawn for means; "New" does not come so far
 const STORY = 358; // the mission that the page begins with, chosen because it shows a difference
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
-const BESIDE = ["show", "values", "shadow", "look", "see", "why", "whatIf"]; // no action of the reader, in any tool
+const BESIDE = ["show", "values", "shadow", "look", "see", "why", "whatIf"]; // no action
 const GO_ON = [...BESIDE, "tool", "save"]; // what does not end what takes long
-const INSTEAD = ["cancel", "many", "duel"]; // what ends it on purpose
-const ELSEWHERE = ["new", "city", "duel", "open"]; // what shows quite another mission
 const UNCHANGED = { away: [], moved: {}, time: 0 }; // what if nothing were different
-const LETTERS = 60; // of a word that was found in a file
 const LEARNERS = ["your agent", "your second agent"]; // by their runs in Train
-const STOPPED = new InputError("stopped");
+const STOPPED = new InputError("");
 
 /** Why something was not done, for people; nothing if they ended it themselves. */
 function reasonOf(error) {
-  const short = (word) => (word.length > LETTERS ? `${word.slice(0, LETTERS)}…` : word);
-  if (error instanceof InputError)
-    return error === STOPPED ? "" : error.message.replace(/\S+/g, short);
+  if (error instanceof InputError) return error.message.slice(0, 300);
   console.error(error);
   return `this did not work: ${error}`;
 }
@@ -68,13 +61,12 @@ function shelved({ title, given = false, size, scores, base64, read }, of) {
 
 export class Session {
   /**
-   * @param {object} data what the page holds: `cities` with rows and scenario, `agents` with title and base64, `colours` of devices;
-   *   where it begins elsewhere than with the story, a `mission` or a `tool` alone
+   * @param {object} data what the page holds; see page.py
    * @param {(told: object) => void} post takes what the page is told
    */
   constructor(data, post) {
-    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, notes: [] });
-    this.drawn = FIRST + MISSIONS * Math.floor(1e6 * Math.random()); // the next mission of a hundred
+    Object.assign(this, { data, post, at: 0, last: "", extra: {}, notes: [] });
+    this.drawn = FIRST + MISSIONS * Math.floor(1e6 * Math.random());
     const [cities, scenarios] = [{}, {}];
     for (const { name, rows, scenario } of data.cities) {
       cities[name] = City.fromText(name, rows.join("\n"));
@@ -98,7 +90,7 @@ export class Session {
     this.render();
   }
 
-  /** The names of who can fly over a city: the agents made for it first, unless the reader gave one. */
+  /** Who can fly over a city: the agents made for it first, unless the reader gave one. */
   known = (city) => {
     const knowing = Object.entries(this.agents).filter(([, agent]) => agent.knows(city));
     const last = ([, { of, given }]) => (given ? 0 : of ? 1 : 2);
@@ -121,7 +113,7 @@ export class Session {
     return [...new Set([...own.filter((name) => !shelf.includes(name)), ...shelf])];
   }
 
-  /** The name of a city that is painted: its own, unless the shelf has it, else the next that no other has. */
+  /** The name of a city that is painted: its own, or, where the shelf has it, a new one. */
   paintedName(name) {
     if (name && !Object.hasOwn(this.shelf.cities, name)) return name;
     const taken = this.history.slice(0, this.at + 1).map(({ mission }) => mission.city.name);
@@ -137,7 +129,7 @@ export class Session {
 
   /** Does what the page tells, or says why it was not done. */
   async hear(told) {
-    if (!GO_ON.includes(told.kind)) [this.work, this.ended] = [null, !INSTEAD.includes(told.kind)];
+    if (!GO_ON.includes(told.kind)) this.work = null;
     let refused = "";
     try {
       if (this.does[told.kind]) await this.does[told.kind].call(this, told);
@@ -145,17 +137,12 @@ export class Session {
     } catch (error) {
       refused = reasonOf(error);
     }
-    try {
-      this.render(told, refused);
-    } catch (error) {
-      Object.assign(this, this.shown); // what cannot be drawn is not kept
-      this.render(told, reasonOf(error));
-    }
+    this.render(told, refused);
   }
 
   /** Shows what the stage looks like now, in answer to what was told. */
   render({ kind, quiet, number } = {}, refused = "") {
-    const { stage, hangar, extra, history, at } = this;
+    const { stage, hangar, extra } = this;
     const flights = this.flights();
     const { moved } = stage.tool === "think" ? this.whatIf : UNCHANGED;
     const film = filmOf(hangar, flights, this.data.colours, moved);
@@ -172,7 +159,6 @@ export class Session {
       film,
       version: this.version,
       panel: { ...panel, ...extra },
-      warnings: warnings(hangar.environment, stage.mission),
       refused: refused && `Not ${kind === "move" ? "moved" : "done"}: ${refused}.`,
       note: this.notes.splice(0).join(" "),
       number,
@@ -180,7 +166,6 @@ export class Session {
       fresh: !this.data.mission && !this.data.tool,
       working: Boolean(this.work),
     };
-    this.shown = { hangar, extra, history, at };
     this.post({ kind: "scene", scene });
   }
 
@@ -197,8 +182,8 @@ export class Session {
       most: mission.maxDevices,
       flyingTime: mission.flyingTime,
       known: known.map(({ name, title }) => [name, title]),
-      undo: Boolean(this.history[this.next(-1)]),
-      redo: Boolean(this.history[this.next(1)]),
+      undo: this.at > 0,
+      redo: this.at < this.history.length - 1,
     };
   }
 
@@ -300,38 +285,20 @@ export class Session {
     },
   };
 
-  /** Goes on with another stage; a change of its mission can be undone, and a move of the flight. */
+  /** Goes on with another stage; changes of the mission and moves of the flight can be undone. */
   take(stage, kind) {
     const { mission, flown, policies } = this.stage;
-    const { flyingTime, city } = stage.mission;
-    require(city.name.length <= NAME, `the name of a city has at most ${NAME} letters here`);
+    const { flyingTime } = stage.mission;
     require(flyingTime <=
       LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST}`);
     if (stage.mission !== mission || stage.flown !== flown) {
-      const soon =
-        ["move", "data", "time"].includes(kind) && performance.now() - this.last[1] < TOGETHER;
-      const at = this.at + (this.last[0] === kind && (soon || kind.startsWith("drag")) ? 0 : 1);
-      const before = kind === "fly" ? [] : [...stage.flown]; // the moves of a flight that comes whole
-      const moves = before.map((_, k) => ({ ...stage, flown: stage.flown.slice(0, k) }));
-      this.history = [...this.history.slice(0, at), ...moves, stage].slice(-KEPT);
+      const same = this.last === kind && kind.startsWith("drag");
+      this.history = [...this.history.slice(0, this.at + (same ? 0 : 1)), stage].slice(-KEPT);
       this.at = this.history.length - 1;
-      this.last = [kind, performance.now()];
-      const left = this.history[this.at - 1]?.flown; // which a drag has ended, too
-      if (left && !ELSEWHERE.includes(kind) && stage.mission !== mission)
-        this.notes.push(`Your flight belongs to the mission before this change: ↶ brings it back.`);
+      this.last = kind;
     } else this.stage = stage;
     if (stage.mission !== mission) this.settle();
     else if (String(stage.policies) !== String(policies)) this.extra = {};
-  }
-
-  /** Where undo (−1) or redo (1) leads in the history: in Fly to the next move, elsewhere past all of a flight. */
-  next(by) {
-    const { history, stage } = this;
-    let at = this.at + by;
-    if (stage.tool === "fly") return at;
-    while (history[at]?.mission === stage.mission) at += by;
-    while (by > 0 && history[at + 1]?.mission === history[at]?.mission && history[at]) at += 1;
-    return at;
   }
 
   /** What belongs to a mission begins anew with another. */
@@ -341,15 +308,13 @@ export class Session {
   }
 
   /**
-   * Runs what takes long, and returns what it finds. Others have their turn meanwhile, and most of what they
-   * do ends it: what was asked for earlier never replaces what was done later.
+   * Runs what takes long, and returns what it finds. Most of what is done meanwhile ends it, so
+   * that what was asked for earlier never replaces what was done later.
    */
   async long(text, run) {
     const mine = (this.work = {});
     const requireWanted = () => {
-      if (this.work === mine) return;
-      const ended = `${text} was ended by what was done meanwhile`;
-      throw text && this.ended ? new InputError(ended) : STOPPED;
+      if (this.work !== mine) throw STOPPED;
     };
     let before = performance.now();
     const turn = async (share) => {
@@ -402,27 +367,21 @@ export class Session {
       this.take(left ? this.again(left) : overCity(this.stage, city, this.shelf), "city");
     },
     undo({ by }) {
-      const at = this.next(by);
-      const there = this.history[at];
+      const there = this.history[this.at + by];
       require(there, `there is nothing more to ${by < 0 ? "undo" : "redo"}`);
       const same = there.mission === this.stage.mission;
       const stage = same ? { ...this.stage, flown: there.flown } : this.again(there);
-      [this.at, this.last] = [at, ["undo", 0]];
+      [this.at, this.last] = [this.at + by, "undo"];
       this.stage = stage;
       if (!same) this.settle();
     },
-    /** A drag is one change; if it ends where nothing may stand, there was none. */
+    /** A drag is one change; where nothing may stand, what is dragged stays where it was. */
     move(told) {
-      const kind = told.drag ? `drag ${told.drag}` : "move";
       try {
+        const kind = told.drag ? `drag ${told.drag}` : "move";
         this.take(CHANGES.move(this.stage, told, this.shelf), kind);
       } catch (error) {
-        if (kind !== "move" && !told.ends) return; // it goes on
-        if (this.last[0] === kind && kind !== "move") {
-          this.does.undo.call(this, { by: -1 });
-          this.history = this.history.slice(0, this.at + 1);
-        }
-        throw error;
+        if (!told.drag || told.ends) throw error;
       }
     },
     fly(told) {
@@ -431,20 +390,18 @@ export class Session {
       require(!ended, "this flight is over: press Again");
       this.take(CHANGES.fly(stage, told), "fly");
     },
-    /** The next mission in which the first policy wins (1) or loses (−1); a search that found none goes on. */
+    /** The next mission in which the first policy wins (1) or loses (−1). */
     async duel({ wanted }) {
       const { stage, hangar, pair } = this;
       const { city, seed } = stage.mission;
-      const about = String([city.rows, seed, pair, wanted]);
-      const from = this.tried?.about === about ? this.tried.to : seed;
+      this.looked = Math.max(this.looked ?? 0, seed);
       const found = await this.long("the search", async (turn) => {
         for (let k = 1; k <= TRIES; k += 1) {
-          const mission = randomMission(city, from + k, this.shelf);
+          const mission = randomMission(city, (this.looked += 1), this.shelf);
           const results = pair.map((name) => numbers(hangar.fly(mission, name)));
           if (isDuel(wanted, results)) return mission;
           await turn(k / TRIES);
         }
-        this.tried = { about, to: from + TRIES };
         const { subject } = whoIs(pair[wanted > 0 ? 0 : 1], this.agents);
         throw new InputError(
           `${subject} is ahead in none of the next ${TRIES} missions: press again to go on`,
@@ -452,7 +409,7 @@ export class Session {
       });
       this.take({ ...withMission(this.stage, found, this.shelf), policies: pair }, "duel");
     },
-    /** The means of both policies over a hundred missions that nobody flew before, with their intervals. */
+    /** The means of both policies over a hundred new missions, with their intervals. */
     async many() {
       const { hangar, pair } = this;
       const { city } = this.stage.mission;
@@ -511,7 +468,8 @@ export class Session {
       if (away !== undefined)
         next = { ...whatIf, away: away ? [...gone, device] : gone, moved: others };
       if (cell) {
-        requireStand(this.stage.mission, device, cell);
+        const { mission } = this.stage;
+        mission.with({ devices: mission.devices.with(device, cell) }); // refuses
         next = { ...whatIf, away: gone, moved: { ...others, [device]: cell } };
       }
       if (time !== undefined) next = { ...next, time };
@@ -533,29 +491,17 @@ export class Session {
       this.extra = { ...this.extra, shadow: { cell, rows } };
     },
     paint(told) {
-      const places = ({ mission }) => [...mission.devices, mission.start];
-      const before = places(this.stage);
       const name = this.paintedName(this.stage.mission.city.name);
       this.take(CHANGES.paint(this.stage, { ...told, name }, this.shelf), "paint");
-      const moved = places(this.stage).flatMap((cell, k) =>
-        String(cell) === String(before[k])
-          ? []
-          : [
-              `${k < before.length - 1 ? `device ${k}` : "the start"} to row ${cell[0]}, column ${cell[1]}`,
-            ],
-      );
-      if (moved.length) this.notes.push(`What stood there has moved: ${listed(moved)}.`);
     },
-    async open({ file, link, others }) {
+    async open({ file, link }) {
       const notes = [];
       const stage = await this.long("", () => this.opened(file, link, notes));
       const { mission } = this.stage;
       const known = JSON.stringify(mission.asJson()) === JSON.stringify(stage.mission.asJson());
       this.filmed = null; // so that its step is shown, though the flights may be the same
       this.take(known ? { ...stage, mission } : stage, "open");
-      this.notes.push(...notes);
-      if (others) this.notes.push(`Only ${file.name} was opened: open one file at a time.`);
-      else if (file?.name && !notes.length) this.notes.push(`${file.name} is open.`);
+      this.notes.push(...notes, ...(file?.name && !notes.length ? [`${file.name} is open.`] : []));
     },
     async save({ what }) {
       const { stage } = this;

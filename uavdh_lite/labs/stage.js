@@ -1,5 +1,5 @@
-// The stage: one page with the map, the controls and the panel of a tool. `paint` draws what the
-// session sent, the scene; whatever is done is told to the session, which answers with the next scene.
+// The stage: one page with the map, the controls and the panel of a tool. `paint` draws the scene
+// that the session sent; whatever is done is told to the session, which answers with the next one.
 
 import {
   CONTROLS,
@@ -64,10 +64,8 @@ const page = (tools) => `<div class="main">
     <div class="row">${button("Save", { kind: "save", what: "stage" })}
       ${button("Save the mission alone", { kind: "save", what: "mission" })}
       <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label></div>
-    <div class="row"><button type="button" class="copy" data-name="Copy a link">Copy a link</button>
-      <label>or open one <input type="text" data-set="link" placeholder="…#${LINK}…"></label></div>
     <p>Open reads a saved page, a mission, a city's PNG or an agent's checkpoint; dropping the file onto the page does the
-    same. On the map, drag devices and the start; or press Tab and move them with the arrow keys; Delete removes a device.
+    same, and the page's address opens it as it is now. On the map, drag devices and the start; or press Tab and move them with the arrow keys; Delete removes a device.
     Among the tools, arrows choose a tab and Enter opens it.</p></dialog>
   <div class="notice refusal" role="alert"></div>
   <div class="notice busy" role="status" hidden><span></span><progress></progress>
@@ -84,11 +82,11 @@ const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-to
 export function draw(el, model) {
   const find = (selector) => el.querySelector(selector);
   let [scene, version, drawnTool, update] = [null, null, null, () => []];
-  let [asked, waiting, settle] = [0, [], () => {}]; // how much was asked, what is not answered yet, what is called when all is
+  let [asked, waiting] = [0, []]; // how much was asked, what is not answered yet
   const next = new Map(); // what is asked when it has come, the last of each kind
-  let [slow, refusing, keeping] = [null, null, null]; // timers: of a word, of what is shown as not done, of the address
+  let [slow, refusing, keeping] = [null, null, null]; // timers
   let [clock, story] = [null, -1]; // the playback; the caption that is told, −1 for none
-  let [opening, address] = [null, ""]; // the stage that the story is about, where the page has one; the address that was written
+  let [opening, address] = [null, ""]; // the stage of the story; the address that was written
   el.classList.add("uavdh-player", "uavdh-stage");
 
   const stage = {
@@ -111,7 +109,7 @@ export function draw(el, model) {
       next.set(told.kind, told);
       if (!waiting.length) askNext();
     },
-    /** Shows until the next action that something was not done, or for 8 seconds at most what was done. */
+    /** Shows what was not done, until the next action, or for 8 seconds what was done. */
     refuse(text, done = false) {
       clearTimeout(refusing);
       find(".refusal").textContent = text;
@@ -126,7 +124,7 @@ export function draw(el, model) {
       for (const each of place.querySelectorAll("details"))
         each.open = open.includes(each.className);
     },
-    /** Shifts the map so that a place is in the middle of all that a network sees; null: as it is. */
+    /** Shifts the map to have a place in the middle of all that a network sees; null: as it is. */
     centre(place) {
       const svg = find(".map svg");
       const size = scene.film.city.length;
@@ -139,15 +137,11 @@ export function draw(el, model) {
       find(".cursor").setAttribute("d", stage.hovered ? square(stage.hovered) : "");
       TOOLS[scene.state.tool].point?.(stage, scene, stage.hovered);
     },
-    /** Draws cells as painted until the session has answered. */
+    /** Draws the cells of a stroke until the session has answered. */
     fresh() {
-      const strokes = [
-        ...waiting.filter(({ kind }) => kind === "paint"),
-        ...(brush.cells ? [brush] : []),
-      ];
-      const drawn = ({ cells, sign }) =>
-        `<path class="kind-${sign === "." ? "free" : sign}" d="${cells.map(square).join("")}"/>`;
-      stage.fill(".fresh", strokes.map(drawn).join(""));
+      const { cells, sign } = brush;
+      const kind = `kind-${sign === "." ? "free" : sign}`;
+      stage.fill(".fresh", `<path class="${kind}" d="${cells.map(square).join("")}"/>`);
     },
     get tells() {
       return opening !== null;
@@ -164,37 +158,6 @@ export function draw(el, model) {
     endStory,
     goOn: () => tell(story + 1),
     seek: (time) => clock.show(time),
-    async copyLink(button) {
-      const answered = new Promise((resolve) => (waiting.length ? (settle = resolve) : resolve()));
-      const text = answered
-        .then(() => linkOf(stageNow()))
-        .then((link) => `${location.href.split("#")[0]}#${LINK}${link}`);
-      try {
-        const blob = text.then((content) => new Blob([content], { type: "text/plain" }));
-        await navigator.clipboard.write([new ClipboardItem({ "text/plain": blob })]); // promised during the press
-        button.textContent = "Copied";
-        if (location.protocol === "file:")
-          stage.refuse("Whoever opens the link needs this file, too.", true);
-        setTimeout(() => (button.textContent = button.dataset.name), 1500);
-      } catch {
-        find(".drawer").show();
-        find("[data-set=link]").value = await text;
-        find("[data-set=link]").select();
-        stage.refuse(
-          "Not copied, because the browser does not allow it here: copy the link from its field.",
-        );
-      }
-    },
-    /** Opens a link's part of an address, or a text that ends with it. */
-    openLink(text) {
-      const there = text.split(LINK)[1]?.replace(/%..|[^\w-]/g, ""); // a mail adds full stops, quotes and line breaks
-      if (there) stage.ask({ kind: "open", link: there });
-      else if (text)
-        stage.refuse(
-          `Not done: this is not a link to a page of the labs, which has letters after #${LINK}.`,
-        );
-      return Boolean(there);
-    },
   };
 
   function send(told) {
@@ -202,7 +165,6 @@ export function draw(el, model) {
     if (!LONG.includes(told.kind)) {
       waiting.push(told);
       find(".main").ariaBusy = true;
-      if (told.kind === "paint") stage.fresh();
       clearTimeout(slow);
       slow = setTimeout(
         () => busy(["values", "why"].includes(told.kind) ? "Asking the network …" : "Flying …"),
@@ -238,24 +200,19 @@ export function draw(el, model) {
       each.tabIndex = on ? 0 : -1;
     }
     find(".main").dataset.shows = state.tool;
-    find(".main").classList.remove("layered", "seen");
+    find(".main").classList.remove("layered");
     find("#panel").setAttribute("aria-labelledby", `tab-${state.tool}`);
     const changed = version !== scene.version || drawnTool !== state.tool;
     const giveBack = heldFocus();
     if (changed) drawMaps(film, state.tool);
-    const warnings = scene.warnings
-      .map((text) => `<p class="warning">${escaped(text)}</p>`)
-      .join("");
     if (drawnTool !== state.tool) find("#panel").scrollTop = 0;
     const words = (tool.words ?? []).map((word) => `<dt>${word}</dt><dd>${WORDS[word]}</dd>`);
     const signs = tool.bare
       ? ""
       : `<details class="signs"><summary>Signs and words</summary>${legend(film)}<dl>${words.join("")}</dl></details>`;
-    stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${signs}`);
-    el.querySelectorAll(".map svg").forEach((map, k) => {
-      map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
-      map.querySelector(".over").innerHTML = `${tool.over?.(scene, k) ?? ""}<path class="cursor"/>`;
-    });
+    stage.fill(".tool", `${tool.html(scene, stage)}${signs}`);
+    find(".map .under").innerHTML = tool.under?.(scene) ?? "";
+    find(".map .over").innerHTML = `${tool.over?.(scene) ?? ""}<path class="cursor"/>`;
     find("[data-set=city]").innerHTML = options(
       state.cities.map((each) => [each, each]),
       state.city,
@@ -263,10 +220,10 @@ export function draw(el, model) {
     find(".undo").disabled = !state.undo;
     find(".redo").disabled = !state.redo;
     paintDrawer();
-    const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
+    const fly = state.tool === "fly"; // flies the last step
     const flown = film.flights[0].path.length - 1;
     const rests = tool.begins ? 0 : lastStep(film);
-    const last = fly && !scene.panel.you.ended ? flown : lastStep(film); // the ghost flies on to its end
+    const last = fly && !scene.panel.you.ended ? flown : lastStep(film); // the ghost flies on
     if (changed) {
       const flies = fly && done === "fly" && flown > clock.now.last;
       clock.load(last, flies ? flown - 1 : fly ? last : state.step < 0 ? rests : state.step, flies);
@@ -274,7 +231,6 @@ export function draw(el, model) {
     [version, drawnTool] = [scene.version, state.tool];
     if (stage.hovered && !film.city[stage.hovered[0]]?.[stage.hovered[1]]) stage.hovered = null;
     stage.point();
-    stage.fresh();
     giveBack();
   }
 
@@ -286,14 +242,14 @@ export function draw(el, model) {
     find(".stages").innerHTML = flightPanels(shown);
     update = showing(find(".flights"), shown);
     const cursor = TOOLS[tool].cursor;
-    for (const map of el.querySelectorAll(".map svg")) {
-      map.setAttribute("role", cursor ? "application" : "group");
-      if (!cursor) continue;
-      if (tool === "paint") map.nextElementSibling.setAttribute("aria-live", "polite"); // Channel has its sentence
+    const map = find(".map svg");
+    map.setAttribute("role", cursor ? "application" : "group");
+    if (cursor) {
+      if (tool === "paint") map.nextElementSibling.setAttribute("aria-live", "polite");
       map.setAttribute("tabindex", "0");
       map.setAttribute("aria-label", `map: ${cursor}`);
     }
-    for (const start of el.querySelectorAll(".map g:has(> g > .start)")) start.dataset.device = -1;
+    find(".map g:has(> g > .start)").dataset.device = -1;
     for (const thing of el.querySelectorAll(".map g[data-device]")) {
       const k = Number(thing.dataset.device);
       const [name, [row, col]] =
@@ -317,23 +273,18 @@ export function draw(el, model) {
   /** A function that gives the focus back to what has taken its place, or to the panel. */
   function heldFocus() {
     const focused = el.contains(document.activeElement) ? document.activeElement : null;
-    const { device, ask: asks, set, sign, field } = focused?.dataset ?? {};
-    const named = { device, ask: asks, set, sign, field };
-    const [name, value] = Object.entries(named).find(([, each]) => each !== undefined) ?? [];
-    const map = focused?.matches(".map svg");
-    const inDrawer = focused?.closest(".drawer");
-    const where = focused?.closest("svg") ? "svg " : focused?.closest(".side") ? ".side " : "";
+    if (!focused) return () => {};
+    const places = Object.entries(focused.dataset).map(
+      ([name, value]) => `[data-${name}="${CSS.escape(value)}"]`,
+    );
+    const where = focused.closest("svg") ? "svg " : focused.closest(".side") ? ".side " : "";
+    const same = focused.matches(".map svg")
+      ? ".map svg"
+      : where + (places.join("") || `.${focused.classList[0] ?? "add"}`);
     const lost = () => !el.contains(document.activeElement) || document.activeElement.disabled;
+    const or = focused.closest(".drawer") ? ".add" : "#panel";
     return () => {
-      if (!focused || !lost()) return;
-      const same = map
-        ? ".map svg"
-        : name
-          ? `${where}[data-${name}="${CSS.escape(value)}"]`
-          : `.${focused.classList[0]}`;
-      if (same !== ".undefined") find(same)?.focus({ preventScroll: true });
-      if (lost() && inDrawer) find(".add").focus(); // what had it was removed
-      if (lost()) find("#panel").focus({ preventScroll: true });
+      for (const each of [same, or]) if (lost()) find(each)?.focus({ preventScroll: true });
     };
   }
 
@@ -392,6 +343,12 @@ export function draw(el, model) {
     if (held) find("#panel").focus({ preventScroll: true });
   }
 
+  /** Opens what an address says. */
+  function openLink(hash) {
+    const link = hash.split(LINK)[1];
+    if (link) stage.ask({ kind: "open", link });
+  }
+
   // What the session answers
 
   const answers = {
@@ -418,7 +375,6 @@ export function draw(el, model) {
       else if (answer.story) clock.show(0, true);
       if (waiting.length) return;
       find(".main").ariaBusy = false;
-      settle();
     },
     progress({ text, share }) {
       if (text || (share === undefined && !waiting.length)) busy(text, share);
@@ -442,10 +398,9 @@ export function draw(el, model) {
       if (model.own) keeping ??= setTimeout(keep, KEEP);
       return texts;
     });
-    for (const copy of el.querySelectorAll(".copy")) copy.hidden = !model.own;
     paint();
     if (!model.own) return;
-    const open = () => location.hash && location.hash !== address && stage.openLink(location.hash);
+    const open = () => location.hash && location.hash !== address && openLink(location.hash);
     window.addEventListener("hashchange", open);
     open();
   }

@@ -1,6 +1,6 @@
 // What the stage shows: one mission, who flies it, and how one looks at it. A stage never changes:
-// `CHANGES` makes the next one from what somebody does. As JSON it is the saved file, and packed into
-// letters the page's address.
+// `CHANGES` makes the next one from what somebody does. As JSON it is the saved file, and packed
+// into letters the page's address.
 
 import { listed } from "./words.js";
 import {
@@ -9,7 +9,6 @@ import {
   InputError,
   MAX_SIZE,
   Mission,
-  kept,
   missionFromJson,
   require,
   sum,
@@ -17,27 +16,11 @@ import {
 
 const [FORMAT, VERSION] = ["uavdh_lite stage", 1];
 const PAINTS =
-  "Black or white is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
-const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
+  "Black or white: open ground; blue: landing; yellow: tall building; green: low; red: no-fly zone";
 export const TOOLS = ["fly", "compare", "think", "channel", "paint", "train"];
 export const LETTERS = "neswhl"; // of the actions, in their order
 export const YOU = "you";
-export const LAYERS = [
-  "none",
-  "landing zone",
-  "no-fly zone",
-  "buildings",
-  "data left",
-  "data collected",
-  "value",
-];
-
-/** Ways to look, and what each may be. */
-export const LOOKS = {
-  layer: (value) => LAYERS.includes(value),
-  centred: (value) => typeof value === "boolean",
-};
-const USUAL_LOOKS = { layer: "none", centred: false };
+const USUAL_LOOKS = { value: false, centred: false }; // ways to look at the map in Think
 
 /**
  * @typedef {object} Stage
@@ -47,11 +30,11 @@ const USUAL_LOOKS = { layer: "none", centred: false };
  * @property {string} flown the actions that were flown by hand, in `LETTERS`
  * @property {number} step the step that is shown; −1 for the last
  * @property {number} device the device whose radio link is shown
- * @property {object} looks one value for each of `LOOKS`
+ * @property {object} looks whether each way to look is chosen
  *
  * @typedef {object} Shelf what there is to choose from
  * @property {Object<string, import("./world.js").City>} cities by name
- * @property {Object<string, object>} scenarios the ranges of the missions over them, by the city's name
+ * @property {Object<string, object>} scenarios ranges of the missions, by the city's name
  * @property {(city: object) => string[]} known the names of who can fly over a city, agents first
  * @property {string[]} tools those that this page can show
  */
@@ -67,12 +50,7 @@ export const newStage = (mission, shelf) => ({
   looks: { ...USUAL_LOOKS },
 });
 
-export const isInside = (cell, size) =>
-  Array.isArray(cell) &&
-  cell.length === 2 &&
-  cell.every((at) => Number.isInteger(at) && at >= 0 && at < size);
-
-/** The agent and its rival: the agent of the recipe `lite`, a strengthened DDQN, where one was trained for the city. */
+/** The agent and its rival: the DDQN agent where one was trained for the city. */
 function usualPolicies(city, { known }) {
   const names = known(city);
   const agent = names.find((name) => name.endsWith("_ddqn")) ?? names[0];
@@ -116,73 +94,49 @@ export const randomMission = (city, number, shelf) =>
 export const overCity = (stage, city, shelf) =>
   withMission(stage, randomMission(city, 0, shelf), shelf);
 
-const written = new WeakMap(); // missions as JSON
-
 /** What the saved file holds. */
 export const stageAsJson = ({ mission, ...look }) => ({
   format: FORMAT,
   version: VERSION,
   ...look,
-  mission: kept(written, mission, () => mission.asJson()),
+  mission: mission.asJson(),
 });
-
-const requireVersion = ({ version }) =>
-  require(version === VERSION, version === undefined
-    ? "this file does not say which version of the labs saved it: save it again"
-    : `this file was saved by another version of the labs (${version}; this page reads ${VERSION}): open it there, or make it again here`);
-
-/** The mission of a file. */
-function missionOf(values) {
-  require(values, "the mission is missing in this file: save the page again");
-  requireVersion(values);
-  return missionFromJson(values);
-}
 
 /**
  * The stage of a saved file, or of a mission's file.
  * @param {string[]} notes takes what is said of rivals that do not fly
  */
 export function readFile(text, shelf, notes = []) {
-  require(text.length <= LARGEST, "this file is too large for a saved page or a mission");
   let values = null;
   try {
     values = JSON.parse(text.replace(/^\ufeff/, ""));
   } catch {
     require(!/^\s*{/.test(text), "this file is damaged or cut off: save it again");
     throw new InputError(
-      "this is not a file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)",
+      "not a file of the labs: open a saved page (.json), a city (.png) or an agent (.safetensors)",
     );
   }
-  if (values?.format === "uavdh_lite mission") return newStage(missionOf(values), shelf);
+  if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
   require(values?.format ===
     FORMAT, "this file holds neither a saved page nor a mission: open one that More → Save made");
-  requireVersion(values);
-  const { policies, tool, flown, step, device, looks: seen = {} } = values;
-  const mission = missionOf(values.mission);
+  require(values.version === VERSION, `this file is not of version ${VERSION} of the labs`);
+  const mission = missionFromJson(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
-  const within = (value, least, most) => Number.isInteger(value) && value >= least && value <= most;
-  const told = (value) => JSON.stringify(value);
-  const [last, most] = [mission.flyingTime, mission.devices.length - 1];
-  for (const [fits, said] of [
-    [shelf.tools.includes(tool), `opens the tool ${told(tool)}, which this page does not have`],
-    [policies?.length === 2 && policies.every((each) => each?.at), "does not say which two fly"],
-    [/^[neswhl]*$/.test(flown), `has a flight ${told(flown)}, which has letters beside ${LETTERS}`],
-    [within(step, -1, last), `shows step ${step}: here it is from -1 to ${last}`],
-    [within(device, 0, most), `shows device ${device}: here it is from 0 to ${most}`],
-    [Object(seen) === seen, "does not say how one looks at the map"],
-  ])
-    require(fits, `this file ${said}`);
+  const fits = (value, least, most) => value >= least && value <= most;
+  const { policies = usual, tool, flown, step, device, looks } = values;
   const strangers = policies.filter((name) => !names.includes(name));
   if (strangers.length)
     notes.push(`${listed(strangers.map((name) => `“${name}”`))} cannot fly here, so others do.`);
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
-  const looks = { ...USUAL_LOOKS, ...seen };
-  for (const [name, fits] of Object.entries(LOOKS))
-    require(fits(
-      looks[name],
-    ), `this file chooses the ${name} ${told(looks[name])}, which this page does not have`);
-  const both = there[0] === there[1] ? usual : there;
-  return { mission, policies: both, tool, flown, step, device, looks };
+  return {
+    mission,
+    policies: there[0] === there[1] ? usual : there,
+    tool: shelf.tools.includes(tool) ? tool : shelf.tools[0],
+    flown: /^[neswhl]*$/.test(flown) ? flown : "",
+    step: fits(step, 0, mission.flyingTime) ? step : -1,
+    device: fits(device, 0, mission.devices.length - 1) ? device : 0,
+    looks: { ...USUAL_LOOKS, ...looks },
+  };
 }
 
 /** Bytes through a stream that packs or unpacks them; one rejection where they do not fit it. */
@@ -214,7 +168,7 @@ export async function textOfLink(link) {
 export async function cityOfPicture(file, name) {
   const exact = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const picture = await createImageBitmap(new Blob([file.bytes]), exact).catch(() => null);
-  require(picture, "this is not a readable PNG, or it is damaged: open one that Save as PNG made in Paint");
+  require(picture, "this is not a readable PNG: open one that Save as PNG made in Paint");
   const { width, height } = picture;
   require(Math.max(width, height) <=
     MAX_SIZE, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
@@ -223,7 +177,7 @@ export async function cityOfPicture(file, name) {
   try {
     const { data } = canvas.getImageData(0, 0, width, height);
     for (let at = 0; at < data.length; at += 4)
-      if (data.subarray(at, at + 4).every((part) => part > 223)) data.fill(0, at, at + 3); // white ground
+      if (data.subarray(at, at + 4).every((part) => part > 223)) data.fill(0, at, at + 3);
     return City.fromPixels(name, width, height, data);
   } catch ({ message }) {
     throw new InputError(`${message.replace(name, file.name)}. ${PAINTS}`);
@@ -237,66 +191,32 @@ export function pictureOf({ size, pixels }) {
   return canvas.convertToBlob();
 }
 
-/** The nearest cell to one among those of a mask. */
-function nearest(city, mask, [row, col]) {
-  const far = ([r, c]) => Math.abs(r - row) + Math.abs(c - col);
-  const cells = [...mask.keys()]
-    .filter((number) => mask[number])
-    .map((number) => city.position(number));
-  require(cells.length, "no cell is left for the devices: leave some free");
-  return cells.reduce((one, other) => (far(other) < far(one) ? other : one));
-}
-
-/** The mission over a city that was painted: what stands where it may not any more moves to the nearest cell. */
-function repainted(mission, city) {
-  const free = Uint8Array.from(city.openToDevices);
-  const devices = mission.devices.map((cell) => {
-    const there = nearest(city, free, cell);
-    free[city.cell(there)] = 0;
-    return there;
-  });
-  const { start } = mission;
-  return mission.with({
-    city,
-    devices,
-    start: city.noFly[city.cell(start)] ? nearest(city, city.landing, start) : start,
-  });
-}
-
 const put = (values, index, value) => values.map((each, k) => (k === index ? value : each));
 const without = (values, index) => values.filter((_, k) => k !== index);
 const change = (stage, shelf, changes) => withMission(stage, stage.mission.with(changes), shelf);
 
-/** The error says why a device, or with −1 the start, cannot stand in a cell. */
-export function requireStand({ city, devices }, device, cell) {
-  const number = isInside(cell, city.size) ? city.cell(cell) : -1; // what lies outside, the mission refuses
-  const zone = device < 0 ? city.noFly[number] && "no-fly" : city.landing[number] && "landing";
-  const what = city.buildings[number] ? "building" : zone && `${zone} zone`;
-  const where = `row ${cell[0]}, column ${cell[1]}`;
-  require(!what, `${where} is a ${what}`);
-  const there = devices.findIndex((each, k) => k !== device && String(each) === String(cell));
-  require(device < 0 || there < 0, `device ${there} is at ${where}`);
-}
-
-/** What each event makes of a stage: `CHANGES[kind](stage, told, shelf)`; an error says why it was not done. */
+/** What each event makes of a stage: `CHANGES[kind](stage, told, shelf)`; errors say why not. */
 export const CHANGES = {
   /** Moves a device, or with −1 the start. */
   move(stage, { device, cell }, shelf) {
     const { devices, start } = stage.mission;
     if (String(cell) === String(devices[device] ?? start)) return stage;
-    requireStand(stage.mission, device, cell);
     if (device < 0) return change(stage, shelf, { start: cell });
     return change(stage, shelf, { devices: put(devices, device, cell) });
   },
   data: (stage, { device, value }, shelf) =>
     change(stage, shelf, { data: put(stage.mission.data, device, value) }),
   time: (stage, { value }, shelf) => change(stage, shelf, { flyingTime: value }),
-  /** Adds a device, near the middle if no cell is told. */
-  add(stage, { cell }, shelf) {
+  /** Adds a device, near the middle. */
+  add(stage, told, shelf) {
     const { city, devices, data } = stage.mission;
-    const free = Uint8Array.from(city.openToDevices);
-    for (const taken of devices) free[city.cell(taken)] = 0;
-    const there = cell ?? nearest(city, free, [city.size / 2, city.size / 2]);
+    const taken = devices.map((cell) => city.cell(cell));
+    const far = (cell) => sum(city.position(cell).map((at) => Math.abs(at - city.size / 2)));
+    const free = [...city.kinds.keys()]
+      .filter((cell) => city.openToDevices[cell] && !taken.includes(cell))
+      .sort((one, other) => far(one) - far(other));
+    require(free.length, "no cell is left for another device: leave some free");
+    const there = city.position(free[0]);
     return change(stage, shelf, { devices: [...devices, there], data: [...data, 10] });
   },
   remove(stage, { device }, shelf) {
@@ -308,7 +228,7 @@ export const CHANGES = {
     withMission(stage, randomMission(stage.mission.city, stage.mission.seed + 1, shelf), shelf),
   policy(stage, { which, name }) {
     const policies = put(stage.policies, which, name);
-    if (policies[0] === policies[1]) policies[1 - which] = stage.policies[which]; // nobody is the own rival
+    if (policies[0] === policies[1]) policies[1 - which] = stage.policies[which];
     return { ...stage, policies, step: -1 };
   },
   fly: (stage, { action }) => ({ ...stage, flown: stage.flown + LETTERS[ACTIONS.indexOf(action)] }),
@@ -318,12 +238,15 @@ export const CHANGES = {
   look: (stage, { device }) => ({ ...stage, device }),
   /** Chooses a way to look. */
   see: (stage, { name, value }) => ({ ...stage, looks: { ...stage.looks, [name]: value } }),
-  /** Paints cells with one of the city's signs. */
+  /** Paints cells with one of the city's signs; where something stands, the city stays as it is. */
   paint(stage, { cells, sign, name }, shelf) {
-    const rows = stage.mission.city.rows.map((row) => [...row]);
-    if (cells.every(([row, col]) => rows[row][col] === sign)) return stage;
-    for (const [row, col] of cells) rows[row][col] = sign;
-    const city = City.fromText(name, rows.map((row) => row.join("")).join("\n"));
-    return withMission(stage, repainted(stage.mission, city), shelf);
+    const { city, devices, start } = stage.mission;
+    const rows = city.rows.map((row) => [...row]);
+    const stands = [...devices, start].map(String);
+    const free = cells.filter((cell) => !stands.includes(String(cell)));
+    if (free.every(([row, col]) => rows[row][col] === sign)) return stage;
+    for (const [row, col] of free) rows[row][col] = sign;
+    const painted = City.fromText(name, rows.map((row) => row.join("")).join("\n"));
+    return change(stage, shelf, { city: painted });
   },
 };

@@ -1,8 +1,7 @@
-// What a network expects of each action, and what changes that: a device taken away or moved, the time.
+// What a network expects of each action, and what changes that: a device away or moved, the time.
 
 import { at, escaped, momentAt, scaleOf } from "../player.js";
-import { button, chooser, colourOf, heat, ramp } from "./html.js";
-import { LAYERS } from "./state.js";
+import { button, chooser, ramp, valued } from "./html.js";
 import { listed, signed } from "./words.js";
 import { ACTIONS } from "./world.js";
 
@@ -61,6 +60,7 @@ export const cameOf = (rewards, step, discount) =>
 
 export const THINK = {
   title: "Think",
+  begins: true,
   words: ["Q-value", "score", "DDQN agent", "imitation agent", "any-city agent"],
   html(scene) {
     const { panel, state, film } = scene;
@@ -75,7 +75,8 @@ export const THINK = {
       return `<tr style="--colour: ${colour}"><th scope="row">device ${number}</th><td><i class="worth" data-worth="${k}"></i></td>
         <td class="amount" data-amount="${k}"></td><td>${button(there ? "put back" : "take away", told, `aria-label="${there ? "put back" : "take away"} device ${number}"`)}</td></tr>`;
     };
-    const layers = LAYERS.map((name) => [name, name]);
+    const look = (name, text) => `<label><input type="checkbox" data-set="${name}"
+        ${state.looks[name] ? "checked" : ""}> ${text}</label>`;
     return `<h2 class="chosen" aria-live="polite"></h2>
       <svg class="rose" viewBox="-4.7 -3.1 9.4 6.2" role="img" aria-label="${panel.number}s of the actions"></svg>
       <p class="cause"></p>
@@ -83,9 +84,8 @@ export const THINK = {
       <div class="row"><label>time <input type="range" data-set="whatif-time" min="-${RANGE}" max="${RANGE}" value="${whatIf.time}"
         aria-label="units of time more or less"></label><output class="time">${whatIf.time > 0 ? "+" : ""}${whatIf.time}</output>
         ${edited ? button("As it was", { kind: "whatIf", clear: true }) : "<small>or drag a device</small>"}</div>
-      <details class="eyes"><summary>Look through its eyes</summary><div class="row">${chooser("layer", "layer", layers, state.looks.layer)}
-        <label><input type="checkbox" data-set="centred" ${state.looks.centred ? "checked" : ""}> centred</label></div>
-        <p class="meaning"></p>${agents.length > 1 ? chooser("network", "policy-0", agents, panel.name) : ""}</details>
+      <div class="row">${look("centred", "see as it does, centred")}${look("value", "value of each cell")}
+        ${agents.length > 1 ? chooser("network", "policy-0", agents, panel.name) : ""}</div>
       <div class="layer-scale"></div>`;
   },
   over({ panel, film }) {
@@ -139,31 +139,19 @@ export const THINK = {
     if (!known && !playing) stage.askWhenFree({ kind: "why", step });
   },
   layer(stage, { panel, film, state }, step, time) {
-    const { layer: name, centred } = state.looks;
-    const size = film.city.length;
+    const { value, centred } = state.looks;
+    const known =
+      value && panel.map?.step === step ? valued(panel.map.values, film.city.length) : null;
     stage.centre(centred ? momentAt(film.flights[0], time).place : null);
-    const group = stage.find(".layer");
-    stage.find(".main").classList.toggle("layered", name !== "none");
-    stage.find(".main").classList.toggle("seen", name in MEANINGS);
-    if (!group) return;
-    group.innerHTML = "";
-    if (name in MEANINGS) group.innerHTML = seenLayer(film, name, step);
-    else if (name === "value" && panel.map) {
-      const known = panel.map.values.filter((each) => each !== null);
-      const [least, high] = [Math.min(...known), Math.max(...known)];
-      const low = Math.max(least, high - 15);
-      const colour = (value) => colourOf((value - low) / (high - low || 1));
-      group.innerHTML = heat(panel.map.values, size, colour);
-      const about = "the best value if the UAV were there";
-      stage.fill(
-        ".layer-scale",
-        ramp(`${signed(low)}${low > least ? " or less" : ""}`, signed(high), about),
-      );
-    }
-    if (centred) group.innerHTML += outside(size, name);
-    if (name !== "value") stage.fill(".layer-scale", "");
-    else if (panel.map?.step !== step) stage.askWhenFree({ kind: "values", step });
-    stage.fill(".meaning", MEANINGS[name] ?? "");
+    stage.find(".main").classList.toggle("layered", value);
+    const layer = stage.find(".layer");
+    if (layer) layer.innerHTML = `${known?.cells ?? ""}${centred ? outside(film.city.length) : ""}`;
+    const about = "the best value if the UAV were there";
+    stage.fill(
+      ".layer-scale",
+      known ? ramp(`${signed(known.low)} or less`, signed(known.high), about) : "",
+    );
+    if (value && !known) stage.askWhenFree({ kind: "values", step });
   },
 };
 
@@ -175,7 +163,7 @@ const WAYS = [
   [0.72, -0.72],
   [0.72, 0.72],
 ]; // of the bars, in the order of the actions
-/** Bars around the UAV, the longer the better, from the worst allowed action to the best; `before` as thin lines. */
+/** Bars around the UAV, from the worst allowed action to the best; `before` as thin lines. */
 export function rose(values, before, labelled) {
   const known = [...values, ...(before ?? [])].filter((each) => each !== null);
   const [low, high] = [Math.min(...known), Math.max(...known)];
@@ -188,7 +176,7 @@ export function rose(values, before, labelled) {
   };
   const drawn = values.map((value, k) => {
     const [right, down] = WAYS[k];
-    const line = value === null ? "" : bar(value, k, `class="${k === best ? "best" : "bar-q"}"`);
+    const line = value === null ? "" : bar(value, k, `class="${k === best ? "best" : ""}"`);
     const old = before && before[k] !== null ? bar(before[k], k, 'class="before"') : "";
     if (!labelled) return line;
     const to =
@@ -198,38 +186,12 @@ export function rose(values, before, labelled) {
     const anchor = right ? (right < 0 ? "end" : "start") : "middle";
     const [x, y] = [to * right, to * down + (k < HALF ? 0.2 * down : 0)];
     const text = value === null ? "not allowed" : signed(value);
-    return `${line}${old}<text x="${x}" y="${y}" dy=".35em" text-anchor="${anchor}" class="${k === best ? "best" : ""}">${ACTIONS[k]} ${text}</text>`;
+    return `${line}${old}<text x="${x}" y="${y}" dy=".35em" style="--anchor: ${anchor}" class="${k === best ? "best" : ""}">${ACTIONS[k]} ${text}</text>`;
   });
   return `${drawn.join("")}${labelled ? '<circle r=".42" class="hub"/>' : ""}`;
 }
 const HALF = 4; // of the actions are moves
 
-const MEANINGS = {
-  "landing zone": "Where the UAV may land.",
-  "no-fly zone": "Where the UAV may not fly, and all that is outside the city.",
-  buildings: "What blocks the radio link.",
-  "data left": "Data still to be collected.",
-  "data collected": "Data that it has.",
-};
-
-/** What the network sees of the city in one of its layers. */
-function seenLayer({ city, devices, flights }, name, step) {
-  const signs = { "landing zone": "L", "no-fly zone": "NB", buildings: "bB" }[name] ?? "";
-  const colour = (sign) => (signs.includes(sign) ? "#0072b2" : "#8883");
-  const layer = heat([...city.join("")], city.length, colour, 1);
-  if (signs) return layer;
-  const [now, first] = [flights[0].left[step], flights[0].left[0]];
-  const most = Math.max(...first.slice(0, -1));
-  const full = devices.map(({ cell: [row, col] }, k) => {
-    const amount = name === "data left" ? now[k] : first[k] - now[k];
-    return `<path d="M${col - 0.5} ${row - 0.5}h1v1h-1z" fill="#0072b2" fill-opacity="${amount / most}"/>`;
-  });
-  return layer + full.join("");
-}
-
 /** All around a city of this size lies a no-fly zone, as far as the network sees. */
-function outside(size, name) {
-  const around = `M${-size} ${-size}h${3 * size}v${3 * size}h${-3 * size}z`;
-  const d = `${around}M-.5 -.5v${size}h${size}v${-size}z`;
-  return `<path class="outside" d="${d}" fill="${name === "no-fly zone" ? "#0072b2" : "#d6333f"}"/>`;
-}
+const outside = (size) =>
+  `<path class="outside" d="M${-size} ${-size}h${3 * size}v${3 * size}h${-3 * size}zM-.5 -.5v${size}h${size}v${-size}z"/>`;

@@ -1,5 +1,5 @@
-// The tools, in the order of their tabs. Each has what its panel says, as HTML, and what it adds to the
-// map and to the panel at a moment. `scene` is what the session sent, `stage` is where it is shown.
+// The tools, in the order of their tabs. Each has what its panel says, as HTML, and what it adds to
+// the map and to the panel at a moment. `scene` is what the session sent, `stage` shows it.
 
 import { CHANNEL_TOOL } from "./channel.js";
 import { COMPARE } from "./compare.js";

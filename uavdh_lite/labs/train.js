@@ -1,8 +1,8 @@
-// Train: DDQN learns while one looks and turns its dials. Up to two runs learn beside each other, each in
-// a worker; the session flies their agents of now.
+// Train: DDQN learns while one looks and turns its dials. Up to two runs learn beside each other,
+// each in a worker; the session flies their agents of now.
 
 import { at, escaped } from "../player.js";
-import { colourOf, heat } from "./html.js";
+import { valued } from "./html.js";
 import { rose } from "./think.js";
 import { ANEW } from "./training.js";
 import { grouped } from "./words.js";
@@ -77,7 +77,7 @@ let bench = null; // the panel's content, which keeps its focus while the panel 
 let [stage, chosen, told, wanted, asked] = [null, 0, "", null, 0];
 let drawn = ["", ""]; // under and over the map, until they are known anew
 
-const OWN = { double: true, frozen: false, seed: 0, steps: 48_000 }; // what the recipe has not, or else
+const OWN = { double: true, frozen: false, seed: 0, steps: 48_000 }; // what the recipe has not
 const usual = () => ({ ...stage.model.recipe, ...OWN });
 const stopOf = (all, dials) =>
   all.findIndex(([, fields]) =>
@@ -308,18 +308,12 @@ const SIGNS = {
 
 /** How good it would be to be over each cell, and what the agent would do there. */
 function field({ values, best }, size) {
-  const known = values.filter((value) => value !== null);
-  const high = Math.max(...known);
-  const low = Math.max(Math.min(...known), high - 15);
   const sign = (action, cell) => {
     if (action === null) return "";
     const there = `${at([Math.floor(cell / size), cell % size])} rotate(${TURNS[action] ?? 0})`;
     return `<path transform="${there}" d="${SIGNS[action] ?? "M-.17 .13L0 -.2 .17 .13z"}"/>`;
   };
-  return [
-    heat(values, size, (value) => colourOf((value - low) / (high - low || 1))),
-    best.map(sign).join(""),
-  ];
+  return [valued(values, size).cells, best.map(sign).join("")];
 }
 
 export const TRAIN = {

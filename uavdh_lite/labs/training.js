@@ -5,13 +5,13 @@ import { QNetwork, viewsOf } from "./network.js";
 import { Observation } from "./pilots.js";
 import { ACTIONS, City, Environment, Portable, REWARDS, Use, ended, reward, sum } from "./world.js";
 
-const MOST = 40_000; // transitions that are kept at most; the dial chooses how many of the newest are drawn
+const MOST = 40_000; // transitions are kept; the dial chooses how many of the newest are drawn
 const MISSIONS = 50; // of each point of the curves; they are the same each time
-const [POINTS, LEAST] = [48, 500]; // points of a run's curves, unless fewer steps than this lie between two
+const [POINTS, LEAST] = [48, 500]; // points of the curves, steps between two
 
 /**
- * @typedef {object} Dials the recipe's fields, by their names in recipe.py, and what it has no field for
- * @property {boolean} double the online network chooses the action whose value the target network gives
+ * @typedef {object} Dials the recipe's fields, by their names in recipe.py, and others
+ * @property {boolean} double the online network chooses the action that the target values
  * @property {boolean} frozen the target network stays as it is
  * @property {number} seed
  *
@@ -42,10 +42,10 @@ export function best(values, row) {
   return place;
 }
 
-/** A ring of the last steps of all environments; see replay.py. The newest `capacity` transitions are drawn. */
+/** A ring of the last steps of all environments; see replay.py. */
 class Replay {
   constructor(environments) {
-    const steps = Math.ceil(MOST / environments) + 100; // some more than can be drawn: the last returns are not whole
+    const steps = Math.ceil(MOST / environments) + 100; // the last returns are not whole
     Object.assign(this, { environments, steps, head: 0, filled: 0 });
     this.states = Array(steps * environments);
     this.action = new Int8Array(steps * environments);
@@ -118,7 +118,7 @@ class Replay {
 /** A run over one city. */
 export class Trainer {
   /**
-   * @param {{city: {name: string, rows: string[]}, scenario: import("./world.js").Scenario, dials: Dials}} told
+   * @param {{city: object, scenario: object, dials: Dials}} told the city with name and rows
    */
   constructor({ city, scenario, dials }) {
     const { seed, batch_size, environments } = dials;
@@ -155,7 +155,7 @@ export class Trainer {
   turn(dials) {
     const before = this.crashReward;
     Object.assign(this.dials, dials);
-    this.replay.reprice(this.crashReward - before); // crashes that it remembers cost what they cost now
+    this.replay.reprice(this.crashReward - before); // of crashes remembered
     this.turned.push([this.steps, dials]);
   }
 
@@ -263,7 +263,7 @@ export class Trainer {
     return networks.map((network) => network.forward([this.maps], this.times, states.length));
   }
 
-  /** One gradient step towards the targets (eq. 7 and 8), and one of the target network; see ddqn.py. */
+  /** One gradient step towards the targets (eq. 7, 8), and one of the target; see ddqn.py. */
   update(
     batch = this.replay.sample(this.dials.batch_size, this.dials, this.generator, this.states),
   ) {
@@ -288,7 +288,7 @@ export class Trainer {
     this.updates += 1;
   }
 
-  /** y = r + γ · Q_target(s', a), where a is best by the online network, or, not doubled, by the target (eq. 8). */
+  /** y = r + γ Q_target(s', a), a the best by the online network or, single, the target (eq. 8). */
   targets(batch) {
     const next = batch.map((each) => each.next);
     const { dials, target, online } = this;
@@ -320,7 +320,7 @@ export class Trainer {
     return point;
   }
 
-  /** How the agent of now flies by its greedy policy (eq. 9): the last states, and the returns as reported. */
+  /** How the agent of now flies by its greedy policy (eq. 9): last states and returns. */
   fly(starts) {
     const generator = new Portable(Use.FADING, 0);
     const flights = starts.map((state) => ({ state, return: 0 }));

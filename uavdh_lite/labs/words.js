@@ -16,7 +16,6 @@ export const units = (amount) =>
   amount >= 0.1 || amount === 0 ? amount.toFixed(1) : amount.toPrecision(1);
 export const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
 export const grouped = (number) => number.toLocaleString("en");
-export const NAME = 40; // letters of a city's name, at most
 export const LONGEST = 500; // units of time that a mission of this page has at most
 export const counted = (count, what) => `${count} ${what}${count === 1 ? "" : "s"}`;
 export const timeUnits = (count) => `${counted(count, "unit")} of time`;

@@ -2,9 +2,9 @@
 // scenario and missions do in Python, in their order and by their names. Whoever changes
 // one changes the other; tests/labs/test_world.py compares them.
 //
-// A cell is a number, row · M + column, where M is the number of cells on a side; n = M². A mask is a
-// Uint8Array of n zeros and ones. δ is the number of communication slots in a step, K that of places
-// for devices. There is one episode, not a batch.
+// A cell is a number, row · M + column, where M is the number of cells on a side; n = M². A mask is
+// a Uint8Array of n zeros and ones. δ is the number of communication slots in a step, K that of
+// places for devices. There is one episode, not a batch.
 
 /** A message for people about what they gave. */
 export class InputError extends Error {}
@@ -73,7 +73,7 @@ export const COLOURS = [
   [0, 0, 255],
   [255, 255, 0],
 ];
-const [ON, OFF] = [224, 31]; // a channel counts as set from ON upwards, as not set from OFF downwards
+const [ON, OFF] = [224, 31]; // a channel is set from ON upwards, not set from OFF downwards
 
 /** A city of M×M cells; see city.py. Raises `InputError` for what cannot be one. */
 export class City {
@@ -379,11 +379,6 @@ export class Environment {
     return kept(this.rows.sight, cell, () => lineOfSight(this.city.buildings, this.size, cell));
   }
 
-  /** Whether a cell is seen from any that the UAV can reach from the landing zone; one that is not is sealed in. */
-  isSeen(cell) {
-    return this.sight(cell).some((sees, there) => sees && this.city.landingDistance[there] >= 0);
-  }
-
   /** Moves between a cell and every other, `NO_PATH` where no path leads; Int16Array (n,). */
   moves(cell) {
     return kept(this.rows.moves, cell, () => shortestPaths(this, cell));
@@ -490,7 +485,7 @@ export function shortestPaths(environment, cell) {
   return moves;
 }
 
-/** The failsafe: whether each action is allowed and leaves time to land, if there is time at all. */
+/** The failsafe: whether each action is allowed and leaves time to land, if there is any. */
 export function safeActions(environment, state) {
   const { timeToLand } = environment;
   const possible = timeToLand[state.uavCell] <= state.timeLeft;
@@ -559,13 +554,12 @@ export class Mission {
     const { city, start, devices, data, flyingTime, maxDevices } = this;
     const [count, size, limit] = [devices.length, city.size, 2 ** 15];
     const told = ([row, col]) => `(${row}, ${col})`;
+    const inside = (axis) => Number.isInteger(axis) && axis >= 0 && axis < size;
     const requireInside = (position, what) =>
-      require(position.every(
-        (axis) => axis >= 0 && axis < size,
-      ), `${what} at ${told(position)} is outside the city of ${size} × ${size} cells: ` +
-        `rows and columns go from 0 to ${size - 1}`);
+      require(position.length === 2 && position.every(inside), `${what} at ${told(position)} is ` +
+        `outside the city of ${size} × ${size} cells: rows and columns go from 0 to ${size - 1}`);
     const change = count ? "take some away" : "add one";
-    const fits = count >= 1 && count <= maxDevices;
+    const fits = count >= 1 && count <= maxDevices && maxDevices <= 100;
     require(fits, `${count} devices: this scenario takes 1 to ${maxDevices}; ${change}`);
     const each = `${count} devices but ${data.length} amounts of data: give one each`;
     require(data.length === count, each);
@@ -585,7 +579,7 @@ export class Mission {
       };
       const where = Object.keys(stands).find((each) => stands[each]);
       require(!where, `device ${k} at ${told(position)} stands ${where}: move it`);
-      const amount = data[k] >= 0 && data[k] < limit;
+      const amount = Number.isFinite(data[k]) && data[k] >= 0 && data[k] < limit;
       require(amount, `device ${k} has ${data[k]} data units: must be 0 to below ${limit}`);
     });
     require(data.some(Boolean), "no device has data: give at least one a positive amount");
@@ -690,30 +684,20 @@ export function missionFromJson(values) {
   const { format, version, city, start, devices, flying_time: flyingTime } = values ?? {};
   const { seed, max_devices: maxDevices } = values ?? {};
   require(format === FORMAT && version === VERSION, `this is no mission of version ${VERSION}`);
-  const damaged = (holds, name) => require(holds, `the mission in this file is damaged: ${name}`);
-  const rows = city?.rows;
-  damaged(Array.isArray(rows) && rows.every((row) => typeof row === "string"), "its city");
-  damaged(typeof city.name === "string" && city.name !== "", "its city's name");
-  damaged(Array.isArray(devices) && Array.isArray(start), "its devices or its start");
-  const cells = [start, ...devices.map((device) => device?.cell)];
-  damaged(
-    cells.every((cell) => cell?.length === 2 && cell.every?.(Number.isInteger)),
-    "a cell",
-  );
-  damaged(
-    devices.every(({ data }) => Number.isFinite(data)),
-    "an amount of data",
-  );
-  damaged(Number.isInteger(maxDevices) && maxDevices >= 1 && maxDevices <= 100, "max_devices");
-  const data = devices.map((device) => device.data);
-  const [, ...places] = cells;
-  const there = City.fromText(city.name, rows.join("\n"));
-  return new Mission({ city: there, start, devices: places, data, flyingTime, seed, maxDevices });
+  try {
+    const [places, data] = ["cell", "data"].map((name) => devices.map((each) => each[name]));
+    require(city.name.length, "the city of this mission has no name: give it one");
+    const there = City.fromText(city.name, city.rows.join("\n"));
+    return new Mission({ city: there, start, devices: places, data, flyingTime, seed, maxDevices });
+  } catch (error) {
+    if (error instanceof InputError) throw error;
+    throw new InputError("the mission in this file is damaged: save it again");
+  }
 }
 
 // Evaluation
 
-/** The mean with Student's 95 % interval; its t by the expansion of Cornish and Fisher. @returns {[number, number, number]} */
+/** The mean with Student's 95 % interval; its t by the expansion of Cornish and Fisher. */
 export function studentInterval(values) {
   const [count, mean, z] = [values.length, sum(values) / values.length, 1.959964];
   const free = count - 1;
