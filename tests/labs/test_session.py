@@ -122,7 +122,7 @@ def test_painting_leaves_what_stands_there_and_a_painted_city_is_kept(tell):
     scene = tell("paint", cells=[[5, 5], [5, 6]], sign="B")
     name, state = scene["state"]["city"], scene["state"]
     assert scene["film"]["city"][5] == ".....BB." and name.startswith("my_city")
-    row, col = state["devices"][0]["cell"]
+    row, _ = state["devices"][0]["cell"]
     walls = tell("paint", cells=[[row, c] for c in range(8)] + [state["start"]], sign="B")
     signs = ["L" if [row, c] == state["start"] else "B" for c in range(8)]
     for device in state["devices"]:
