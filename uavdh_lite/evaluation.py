@@ -217,7 +217,7 @@ def _require_made_for(policy: Policy, environment: Environment) -> None:
     if found := own.channel.differences(environment.channel):
         raise InputError(
             f"this {type(policy).__name__} is made for another channel, with {found}: take "
-            "agent.over(city, channel) of an agent (--other-channel on the command line), or make "
+            "agent.over(city, channel) of an agent (its options on the command line), or make "
             "another policy with this environment"
         )
 

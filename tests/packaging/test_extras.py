@@ -24,7 +24,7 @@ sys.meta_path.insert(0, Missing())
 """
 COMMANDS = {
     "export --checkpoint manhattan": "onnx",
-    "city town.geojson --centre 50,8": "footprints",
+    "city town.geojson --centre 50 8": "footprints",
 }
 CALL_ALL = """
 import importlib, pkgutil, uavdh_lite

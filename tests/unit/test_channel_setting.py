@@ -40,16 +40,14 @@ def test_a_training_and_its_agent_have_the_scenarios_channel(quiet, tmp_path):
     assert collected[0] < collected[1]
 
 
-def test_an_agent_over_another_channel_is_refused_with_what_allows_it(quiet, tmp_path, capsys):
+def test_an_agent_flies_over_another_channel_if_it_is_named(quiet, tmp_path):
     agent = quiet.agent
     with pytest.raises(InputError, match=r"cell_edge_snr_db -25, not -15.*over\(city, channel\)"):
         evaluate(Environment(agent.city), agent, agent.scenario, 2, 0)
     save_agent(tmp_path / "agent.safetensors", agent)
     typed = ["evaluate", "--checkpoint", str(tmp_path / "agent.safetensors"), "--episodes", "2"]
     assert main(typed) == 0
-    assert main([*typed, "--cell-edge-snr", "-25", "--fading-variance-los", "1"]) == 2
-    assert "slots 2, not 4: add --other-channel" in " ".join(capsys.readouterr().err.split())
-    assert main([*typed, "--cell-edge-snr", "-25", "--other-channel"]) == 0
+    assert main([*typed, "--cell-edge-snr", "-25"]) == 0
 
 
 def test_a_wrong_constant_is_named(tmp_path):

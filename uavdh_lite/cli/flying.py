@@ -1,7 +1,7 @@
 """`demo`, `fly`, `evaluate`, `compare` and `export`: what trained agents do."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from cyclopts.types import NonNegativeInt, PositiveInt
@@ -13,7 +13,7 @@ from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.beyond.symmetry import in_eight_views
 from uavdh_lite.bridges.onnx import export_onnx
 from uavdh_lite.channel import Channel
-from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli.options import (
     PICTURES,
@@ -21,11 +21,9 @@ from uavdh_lite.cli.options import (
     Cities,
     CommandLine,
     Count,
-    Flag,
     named,
     options_of,
     output,
-    unread,
     with_values,
 )
 from uavdh_lite.environment import Environment
@@ -46,25 +44,6 @@ FLOWN = {  # in `demo`: the policy's name, from that of the city
 
 
 ChannelOptions = options_of(Channel(), "Channel")
-
-
-def over_channel(name: str, agent: Agent, values: Any, other: bool) -> Agent:
-    """The agent over the channel that was typed, or its own if none was.
-
-    Raises `InputError` if that is another than it was trained with, unless `other` allows it.
-    """
-    channel = agent.environment.channel
-    if values is not None:
-        channel = with_values(Channel(), values)
-    found = agent.environment.channel.differences(channel)
-    if found and not other:
-        raise InputError(
-            f"{name} was trained over another channel, with {found}: add --other-channel to fly it "
-            "there all the same"
-        )
-    return agent.over(agent.environment.city, channel)
-
-
 Views = Annotated[
     Literal[1, 8],
     Parameter(
@@ -86,11 +65,9 @@ def open_agent(checkpoint: str | None, city: str | City | None) -> tuple[str, Ag
     environment = Environment(load_cities(city) if isinstance(city, str) else city)
     best = checkpoint or next(iter(agents_for(environment)), None)
     if best is None:
-        size = environment.size
-        able = [each for each in shipped_agents() if load_agent(each).observation.size >= size]
         raise InputError(
-            f"no shipped agent was trained for cities of {size} × {size} cells: train one (train "
-            f"--city), or name {' or '.join([*able, 'its file'])} as --checkpoint"
+            f"no shipped agent was trained for cities of {environment.size} × {environment.size} "
+            "cells: train one (train --city), or name one of larger cities as --checkpoint"
         )
     return best, load_agent(best).over(environment.cities)
 
@@ -160,10 +137,9 @@ def fly(
     """
     if mission is not None and (city is not None or seed is not None):
         raise InputError("a mission has its own city and seed: leave out --city and --seed")
-    read = city, mission, checkpoint
-    out = output(out, "flight.png", *read)
-    if save_mission is not None:
-        unread(save_mission, *read)
+    out = output(out, "flight.png")
+    if city is not None and Path(city) in (out, out.parent):
+        raise InputError(f"{out}: the command reads it: write to another file")
     given = None if mission is None else missions.load_mission(mission)
     name, agent = open_agent(checkpoint, city if given is None else given.city)
     agent = in_eight_views(agent) if views == 8 else agent
@@ -192,25 +168,22 @@ def evaluate(
     seed: NonNegativeInt = 0,
     views: Views = 1,
     json: Annotated[Path | None, named(".json")] = None,
-    other_channel: Flag = False,
     channel_values: ChannelOptions = None,  # type: ignore[valid-type]
 ) -> None:
     """Fly an agent on many random missions.
 
     An agent flies over the radio channel that it was trained with. If you give options under
-    Channel, all of its constants are those of the paper but for these.
+    Channel, it flies over one with the constants of the paper but for these.
 
     Arguments:
         episodes: number of random missions.
         seed: seed of the missions and the fading.
         json: file to write the mean, low and high of each metric to.
-        other_channel: fly the agent over another channel than it was trained with.
     """
-    if json is not None:
-        unread(json, checkpoint, city)
     name, agent = open_agent(checkpoint, city)
     agent = in_eight_views(agent) if views == 8 else agent
-    agent = over_channel(name, agent, channel_values, other_channel)
+    if channel_values is not None:
+        agent = agent.over(agent.environment.city, with_values(Channel(), channel_values))
     flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
     drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
@@ -246,10 +219,7 @@ def compare(
     opened, agent = open_agent(checkpoint, city)
     environment = Environment(agent.cities, agent.environment.channel)
     name = agent.scenario.name
-    out = output(out, f"comparison-{name}.csv.gz", checkpoint, city)
-    beside = unread(comparison.json_beside(out), checkpoint, city)
-    if beside.exists() and not out.exists():
-        raise InputError(f"{beside} exists, and is not that of {out}: name another file with --out")
+    out = output(out, f"comparison-{name}.csv.gz")
     planners = {
         each: find_policy(each, environment, seed) for each in (*others, "random", "greedy")
     }
@@ -284,7 +254,7 @@ def export(
     Arguments:
         out: the file, by default agent.onnx.
     """
-    out = output(out, "agent.onnx", checkpoint, city)
+    out = output(out, "agent.onnx")
     name, agent = open_agent(checkpoint, city)
     error = export_onnx(agent, out)
     print(f"{out}: decides as {name} does over {_where(agent)}")

@@ -4,12 +4,11 @@ import io
 import os
 import shlex
 import sys
-import unicodedata
 import warnings
 from importlib import import_module
 from typing import get_args
 
-from cyclopts import UNSET, App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter
 from cyclopts.exceptions import CoercionError
 
 from uavdh_lite import __version__
@@ -30,10 +29,8 @@ COMMANDS = {
     "classroom": ("classroom", "Collect, look through and give back a class's exercises."),
     "app": ("app", "Write the interactive labs as one file, and open it."),
 }
-RUNTIME_ERRORS = {
-    "memory": "not enough memory",
-    "latex": "LaTeX is asked for by matplotlib's setting text.usetex",
-}
+# In messages of PyTorch's and matplotlib's errors, which have no class of their own
+RUNTIME_ERRORS = ("memory", "latex")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -48,7 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _warn  # type: ignore[assignment]
+            warnings.showwarning = lambda text, *where: _fail(0, text, "warning")  # type: ignore
             _run(arguments)
             sys.stdout.flush()
     except CycloptsError as error:
@@ -67,11 +64,10 @@ def main(arguments: list[str] | None = None) -> int:
     except MemoryError as error:
         return _fail(1, f"not enough memory: {error}")
     except RuntimeError as error:
-        # Neither PyTorch nor matplotlib has a class of its own for these; the first line says it
-        for word, meaning in RUNTIME_ERRORS.items():
-            if word in str(error):
-                return _fail(1, f"{meaning}: {str(error).splitlines()[0]}")
-        raise
+        message = str(error).partition("\n")[0]
+        if not any(map(message.count, RUNTIME_ERRORS)):
+            raise
+        return _fail(1, message)
     except KeyboardInterrupt:
         return 130
     return 0
@@ -79,14 +75,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> None:
     """Parse the arguments and call the command that they name."""
-    for argument in arguments:
-        try:
-            usable = not any(unicodedata.category(sign) == "Cc" for sign in argument)
-            os.fsencode(argument)
-        except UnicodeEncodeError:
-            usable = False
-        if not usable:
-            raise InputError(f"{argument!r}: holds a character that cannot be typed or printed")
     app = _application(arguments)
     command, bound, not_parsed = app.parse_args(arguments)
     if command == app.help_print and not set(arguments) & set(app.help_flags):
@@ -104,7 +92,7 @@ def _application(arguments: list[str]) -> App:
         help="UAV data harvesting by deep reinforcement learning.",
         help_format="markdown",
         version=__version__,
-        config=_require_values,
+        config=_require_whole_numbers,
         default_parameter=Parameter(consume_multiple=1, negative_iterable=(), allow_repeating=True),
         print_error=False,
         exit_on_error=False,
@@ -119,28 +107,17 @@ def _application(arguments: list[str]) -> App:
     return application
 
 
-def _require_values(app, commands, arguments) -> None:
-    """Refuse an empty value, and 1.5 where an int is expected: Cyclopts would round it."""
+def _require_whole_numbers(app, commands, arguments) -> None:
+    """Refuse 1.5 where an int is expected: Cyclopts would round it."""
     for argument in arguments:
-        for token in argument.tokens:
-            if not token.value and token.implicit_value is UNSET:
-                raise CycloptsError(msg=f"{argument.name} is empty: give it a value.")
         if int in (argument.hint, *get_args(argument.hint)):
             for token in argument.tokens:
                 if "." in token.value:
                     raise CoercionError(argument=argument, token=token, target_type=int)
 
 
-def _warn(message, *where) -> None:
-    _say("warning", message)
-
-
-def _say(kind: str, message: object) -> None:
+def _fail(status: int, message: object, kind: str = "error") -> int:
+    """Print an error as one line."""
     text = one_line(" ".join(str(message).splitlines()))
     print(f"uavdh_lite: {kind}: {text}", file=sys.stderr)
-
-
-def _fail(status: int, message: object) -> int:
-    """Print an error as one line."""
-    _say("error", message)
     return status

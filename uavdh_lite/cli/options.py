@@ -15,12 +15,10 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
-from uavdh_lite.channel import Channel
-from uavdh_lite.errors import InputError
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import Scenario, find_scenario
 
-Preset = TypeVar("Preset", Scenario, Recipe, Channel)
+Preset = TypeVar("Preset")
 UNIT = re.compile("_(db2?|m)$")  # at the end of a field's name; the option's help has it, too
 Count = Annotated[int, Parameter(validator=Number(gte=1, lte=100_000))]
 """How many of something are flown or run: more would take days, or more memory than there is."""
@@ -53,25 +51,16 @@ def named(*suffixes: str) -> Parameter:
     return Parameter(validator=require)
 
 
-def output(typed: Path | None, default: str, *inputs: str | Path | None) -> Path:
+def output(typed: Path | None, default: str) -> Path:
     """The file that a command writes: the typed one, or the default one.
 
     Where the default one exists, the first free one of name-2, name-3 and so on takes its place.
-    Raises `InputError` if the typed one is among what the command reads.
     """
     if typed is not None:
-        return unread(typed, *inputs)
+        return typed
     name, _, suffix = default.partition(".")
     others = (Path(f"{name}-{number}.{suffix}") for number in count(2))
     return next(path for path in chain([Path(default)], others) if not path.exists())
-
-
-def unread(out: Path, *inputs: str | Path | None) -> Path:
-    """A file to write; `InputError` if the command reads it, or a folder that it is in."""
-    for read in (Path(each) for each in inputs if each is not None):
-        if out.exists() and read.exists() and any(map(read.samefile, (out, out.parent))):
-            raise InputError(f"{out}: the command reads it: write to another file")
-    return out
 
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg", ".webp")
@@ -86,7 +75,7 @@ def presets(arguments: Sequence[str]) -> tuple[Scenario, Recipe]:
     return find_scenario(named.scenario), find_recipe(named.recipe)
 
 
-def options_of(preset: Scenario | Recipe | Channel, title: str) -> Any:
+def options_of(preset: Any, title: str) -> Any:
     """The type of a parameter with an option for each `option(...)` field of a preset.
 
     `with_values` takes what the parameter is given: None if no such option was typed.
@@ -113,7 +102,7 @@ def options_of(preset: Scenario | Recipe | Channel, title: str) -> Any:
 
 def with_values(preset: Preset, values: Any) -> Preset:
     """The preset with the values of its options."""
-    return preset if values is None else replace(preset, **vars(values))
+    return preset if values is None else replace(preset, **vars(values))  # type: ignore
 
 
 def _as_typed(value: Any) -> str:

@@ -124,9 +124,4 @@ def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> Non
             metrics = dict(zip(of_policy, row, strict=True))
             rows.append({"policy": policy, "episode": episode, **metrics})
     write_table(path, rows)
-    write_json(json_beside(path), about)
-
-
-def json_beside(table: Path) -> Path:
-    """The file that says how a table was made, `NAME.json`."""
-    return table.with_name(re.sub(r"(\.csv)?(\.gz)?$", "", table.name, flags=re.I) + ".json")
+    write_json(path.with_name(re.sub(r"\.csv(\.gz)?$", "", path.name, flags=re.I) + ".json"), about)

@@ -15,10 +15,10 @@ from tqdm.auto import tqdm
 
 from uavdh_lite.bridges.tensorboard import Board
 from uavdh_lite.checkpoint import load, save, save_agent
-from uavdh_lite.city import described, fingerprint_of
+from uavdh_lite.city import fingerprint_of
 from uavdh_lite.errors import CheckpointError, InputError, TrainingDiverged
 from uavdh_lite.experiments.stopping import deferred_stop
-from uavdh_lite.storage import read_json, read_table, remove_unfinished, write_json, write_table
+from uavdh_lite.storage import read_json, remove_unfinished, write_json, write_table
 from uavdh_lite.training import Trainer
 
 SAVED = "training.safetensors"
@@ -138,75 +138,45 @@ def locked(out: Path, seconds: float | None = None) -> Iterator[None]:
 
 
 def _restore(trainer: Trainer, out: Path, command: str) -> None:
-    """Go on where the run was saved; if it is another run, the error says how that was begun."""
+    """Go on where the run was saved, and write again what a kill left out; old agents cannot be."""
+    restore_run(out / SAVED, trainer)
     try:
-        restore_run(out / SAVED, trainer)
-    except InputError as error:
-        try:
-            begun = f". That run was begun by: {read_json(out / 'about.json')['command']}"
-        except (OSError, InputError, KeyError):
-            begun = ""
-        raise InputError(f"{error}{begun}") from None
-    if trainer.validation_rows or trainer.is_best:
-        _mend(trainer, out, command)
-
-
-def _mend(trainer: Trainer, out: Path, command: str) -> None:
-    """Write again what is lost or damaged, or was left out by a kill; agents alone cannot be."""
-    newest = trainer.validation_rows[-1]["steps"] if trainer.validation_rows else None
-    try:
-        written = read_table(out / "validation.csv")["steps"][-1] == newest
+        written = read_json(out / "about.json")["steps"] == trainer.steps
     except (OSError, InputError, LookupError):
         written = False
-    best = out / "best.safetensors"
-    if trainer.is_best:  # then the state has its weights
-        written &= best.exists() and load(best, "agent")[1]["training"]["steps"] == trainer.steps
-    if not written and (trainer.is_best or trainer.steps == newest):
+    if not written:
         _write_results(trainer, out, command)
-    _write_tables(trainer, out)
-    try:
-        intact = read_json(out / "about.json").get("seed") == trainer.seed
-    except (OSError, InputError):
-        intact = False
-    if not intact:
-        _write_about(trainer, out, command)
     if trainer.has_kept:
-        if not best.exists():
-            _refuse_part(out, best.name)
-        load(best, "agent")
+        if not (out / "best.safetensors").exists():
+            _refuse_part(out, "best.safetensors")
+        load(out / "best.safetensors", "agent")
 
 
 def _write_results(trainer: Trainer, out: Path, command: str) -> str:
     """Write the tables and, if it is the best so far, the agent; the newest result in words."""
-    training = _write_about(trainer, out, command)
+    agent = trainer.agent
     if trainer.is_best:
-        save_agent(out / "best.safetensors", replace(trainer.agent, training=training))
-    _write_tables(trainer, out)
-    if not trainer.validation_rows:
-        return ""
-    newest = trainer.validation_rows[-1]
-    return f"landed {newest['landed']:.1%}, return {newest['return']:.1f}"
+        training = agent.training | {"command": command}
+        save_agent(out / "best.safetensors", replace(agent, training=training))
+    tables = {"training": trainer.training_rows, "validation": trainer.validation_rows}
+    for name, rows in tables.items():
+        if rows:
+            write_table(out / f"{name}.csv", rows)
+    _write_about(trainer, out, command)  # last: it says that these steps are written
+    newest = trainer.validation_rows[-1:]
+    return "".join(f"landed {row['landed']:.1%}, return {row['return']:.1f}" for row in newest)
 
 
-def _write_tables(trainer: Trainer, out: Path) -> None:
-    if trainer.training_rows:
-        write_table(out / "training.csv", trainer.training_rows)
-    if trainer.validation_rows:
-        write_table(out / "validation.csv", trainer.validation_rows)
-
-
-def _write_about(trainer: Trainer, out: Path, command: str) -> dict:
-    """Write how the run is made; returns what an agent's file says of its training."""
-    training = trainer.agent.training | {"command": command}
-    write_json(out / "about.json", training | identity(trainer))
-    return training
+def _write_about(trainer: Trainer, out: Path, command: str) -> None:
+    """Write how the run is made."""
+    about = trainer.agent.training | {"command": command} | identity(trainer)
+    write_json(out / "about.json", about)
 
 
 def save_run(path: Path, trainer: Trainer) -> None:
     """Write everything a training needs to go on as if it had never stopped."""
     tensors, values = trainer.state_dict()
-    flown_over = {"flown_over": described(trainer.environment.cities)}
-    save(path, "training", tensors, identity(trainer) | values | flown_over)
+    save(path, "training", tensors, identity(trainer) | values)
 
 
 def restore_run(path: Path, trainer: Trainer) -> None:
@@ -220,8 +190,7 @@ def restore_run(path: Path, trainer: Trainer) -> None:
         if saved == asked:
             continue
         if name == "cities":  # fingerprints, which tell a reader nothing
-            there, here = values.get("flown_over"), described(trainer.environment.cities)
-            raise InputError(f"{path}: its cities have other cells: {there} there, {here} here")
+            raise InputError(f"{path}: its cities have other cells")
         difference = f": {saved} there, {asked} here"
         if isinstance(saved, dict):
             names = [k for k in sorted(saved.keys() | asked.keys()) if saved.get(k) != asked.get(k)]
