@@ -1,36 +1,31 @@
-"""Many training runs at once on one accelerator: seeds and variants of a recipe, stacked.
+"""Many runs of the recipe `plain` at once on one accelerator: seeds and variants, stacked.
 
-    python benchmarks/fleet.py --train plain observation=centred observation=non_centred \
-        --train lite steps=4000000 steps=4000000,leak=0 --seeds 3 --minutes 60 --device cuda
+    python benchmarks/fleet.py observation=centred observation=non_centred --seeds 3 --minutes 60
 
-`--train` takes a recipe and variants of it, written as for the command `study`. Runs whose
-networks and loops have the same shape make a **fleet**. All tensors of a fleet begin with an axis
-of its R runs, so a step of all of them takes as many kernels as a step of one. A kernel here is
-so small that it takes longer to launch than to compute. Therefore the kernels of a step are
-recorded once, as a **CUDA graph**, and launched together from then on. Each fleet has a thread and
-a stream of its own. Without CUDA, the same functions run one by one: slow, but good for tests.
+Variants are written as for the command `study`. Runs whose networks have the same shape make a
+**fleet**. All tensors of a fleet begin with an axis of its R runs, so a step of all of them takes
+as many kernels as a step of one. A kernel here is so small that it takes longer to launch than to
+compute. Therefore the kernels of a step are recorded once, as a **CUDA graph**, and launched
+together from then on. Each fleet has a thread and a stream of its own. Without CUDA, the same
+functions run one by one: slow, but good for tests.
 
 Each run is a `Trainer` of the library: it makes the environment, the first weights and the
 missions, keeps the rows of the tables, and writes the files. Only its steps are computed here:
 
 - What depends on cells alone is looked up in tables, made by the library (`World`).
-- What changes with the steps (temperature, rewards, learning rate) is computed by the recipe for a
-  few thousand steps ahead and read from a table, too (`Fleet.plan`).
 - Missions come from the library's generator of the run, some thousands ahead, and are taken in
   turn. Fading, exploration and minibatches come from the device's own generator. So a run here is
   one of the same kind as the library's of that seed, and not the same one.
 - A minibatch is drawn with replacement: it may hold an older transition twice.
 
-The folder `OUT/RECIPE-VARIANT-SEED` has the files of the command `train`. When `--minutes` are
-over, the runs are saved, and the same command continues them.
+The folder `OUT/VARIANT-SEED` has the files of the command `train`. When `--minutes` are over, the
+runs are saved, and the same command continues them.
 """
 
 import argparse
 import math
-import re
 import shlex
 import sys
-import tarfile
 import time
 import traceback
 from collections.abc import Callable
@@ -44,16 +39,15 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-import uavdh_lite.beyond  # noqa: F401 (its recipes are found by name, installed or not)
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.ddqn import ddqn_target
-from uavdh_lite.environment import ACTIONS, LAND, REPORTED, Environment, State
+from uavdh_lite.environment import ACTIONS, LAND, REPORTED, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments.runs import SAVED, identity, restore_run, save_run
 from uavdh_lite.experiments.study import variants_of
 from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
-from uavdh_lite.recipe import find_recipe
+from uavdh_lite.recipe import PLAIN, Recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json, write_table
 from uavdh_lite.streams import Use, stream, torch_seed
@@ -64,12 +58,20 @@ FLIGHTS = 64  # greedy flights for a row of the learning curve, at most
 POOL = 4096  # missions drawn ahead for a run; shared out among its environments
 CHUNK = 1000  # steps that the device makes before the host looks after the runs, at most
 VECTORS = ("online", "target", "exp_avg", "exp_avg_sq", "max_exp_avg_sq")  # of P numbers each
-# Fields that may differ within a fleet: they are read from the plan, or shape the missions alone
-OWN = ("name", "temperature", "temperature_end", "temperature_decay", "learning_rate")
-OWN += ("learning_rate_end", "crash_reward", "crash_reward_end", "crash_reward_growth")
-OWN += ("movement_reward", "exploring_starts", "exploring_spare_time")
+# Of a recipe, what may differ from `plain`
+FREE = ("name", "steps", "observation", "kernels", "kernel_size", "strides", "hidden", "batch_size")
+FREE += ("environments", "replay_capacity", "replay_prefill", "learning_rate", "kept_by")
+FREE += ("temperature", "crash_reward", "validation_interval", "validation_episodes")
 # Columns of the plan
-HEAT, DATA, NO_LANDING, SAFETY, CRASH, RATE, ROOT, HEAD, FILLED = range(9)
+HEAT, RATE, ROOT, HEAD, FILLED = range(5)
+
+
+def require_plain(recipe: Recipe) -> None:
+    """Raise `InputError` for a recipe with parts that a fleet does not compute."""
+    values, usual = recipe.as_json(), PLAIN.as_json()
+    other = {name: value for name, value in values.items() if value != usual.get(name)}
+    if unknown := other.keys() - set(FREE):
+        raise InputError(f"a fleet runs `plain` alone, not with another {', '.join(unknown)}")
 
 
 def packed(state: State) -> np.ndarray:
@@ -111,10 +113,6 @@ class World:
 
     def __init__(self, observation: Observation, devices: int, device: str):
         environment, self.devices = observation.environment, devices
-        if type(environment) is not Environment or type(observation) is not Observation:
-            raise InputError("a fleet has no failsafe and no told layers: take another recipe")
-        if len(environment.cities) > 1:
-            raise InputError(f"a fleet flies over one city, found {len(environment.cities)}")
         self.cells, self.slots = environment.size**2, environment.channel.slots
         self.time_scale, self.data_scale = observation.time_scale, observation.data_scale
         self.map_shape = observation.map_shape
@@ -205,9 +203,7 @@ class Networks:
     four. A matrix lies in it as (inputs, outputs), and so do a convolution's kernels.
     """
 
-    def __init__(self, network: nn.Module):
-        if type(network) is not QNetwork:
-            raise InputError("a fleet needs the paper's network: take another recipe")
+    def __init__(self, network: QNetwork):
         self.frame, self.layers = network.frame, [*network.convolutions, *network.head]
         self.shapes = {name: weight.shape for name, weight in network.named_parameters()}
         self.sizes = [shape.numel() for shape in self.shapes.values()]
@@ -245,12 +241,8 @@ class Networks:
             elif isinstance(layer, nn.Linear):
                 weight, bias = next(parts), next(parts)
                 x = torch.baddbmm(bias[:, None], x, weight)
-            elif isinstance(layer, nn.LayerNorm):
-                x = functional.layer_norm(x, layer.normalized_shape, eps=layer.eps)
-                weight, bias = next(parts), next(parts)
-                x = torch.addcmul(bias[:, None], x, weight[:, None])
-            elif isinstance(layer, nn.LeakyReLU):
-                x = functional.leaky_relu(x, layer.negative_slope)
+            elif isinstance(layer, nn.LeakyReLU):  # of slope 0
+                x = functional.relu(x)
             else:  # flattened
                 x = torch.cat([x.movedim(-1, -3).flatten(2), times], dim=2)
         return x
@@ -334,17 +326,17 @@ class Fleet:
     | tensor | shape | content |
     | --- | --- | --- |
     | `vectors` | (5, R, P) | weights of both networks, Adam's moments |
-    | `lanes` | (R, N, F + 2) | packed states, whether the episode is ordinary, its return |
+    | `lanes` | (R, N, F + 1) | packed states, the return so far |
     | `memory` | (R, L, N, F + 3) | packed states; action, reward, whether the episode ended |
-    | `pool` | (R, N, missions, F + 2) | the lanes at the start of the missions to come |
+    | `pool` | (R, N, missions, F + 1) | the lanes at the start of the missions to come |
     | `cursor` | (R, N) | the next mission |
-    | `plan` | (CHUNK, R, 9) | what depends on the step, for the next steps |
+    | `plan` | (CHUNK, R, 5) | what depends on the step, for the next steps |
     | `now` | (1,) | the step in the plan |
-    | `log` | (CHUNK, R, N, 4) | whether an ordinary episode ended, return, landed, collected |
+    | `log` | (CHUNK, R, N, 4) | whether an episode ended, return, landed, collected |
     | `losses` | (CHUNK, R) | |
 
     Arguments:
-        runs: their recipes are equal but for the fields in `OWN`.
+        runs: their recipes are equal but for their names.
         compiled: `torch.compile` joins small kernels before the recording.
     """
 
@@ -352,6 +344,7 @@ class Fleet:
         self.runs, self.trainers = runs, [run.trainer for run in runs]
         self.device, first = device, runs[0].trainer
         self.recipe = recipe = first.recipe
+        require_plain(recipe)
         self.R, self.N, self.K = len(runs), recipe.environments, first.scenario.max_devices
         self.F, self.L = 2 + 3 * self.K, len(first.replay.action)
         self.world = World(first.learner.observation, self.K, device)
@@ -383,7 +376,7 @@ class Fleet:
 
     def _upload(self) -> None:
         """Make the tensors from the trainers."""
-        R, N, F, B, n = self.R, self.N, self.F, self.recipe.batch_size, self.recipe.return_steps
+        R, N, F, B = self.R, self.N, self.F, self.recipe.batch_size
         missions = max(POOL // N, 16)
         zeros = partial(torch.zeros, device=self.device)
         vectors, lanes, memory = [], [], []
@@ -395,8 +388,7 @@ class Fleet:
             }  # no moments before the first update
             parts = zip(*of_name.values(), strict=True)
             vectors.append(torch.stack([self.networks.vector(list(part)) for part in parts]))
-            extra = np.stack([trainer.from_start, trainer.returns], axis=1)
-            lanes.append(np.concatenate([packed(trainer.state), extra], axis=1))
+            lanes.append(np.concatenate([packed(trainer.state), trainer.returns[:, None]], axis=1))
             replay = trainer.replay
             flat = {k: v.reshape(-1, *v.shape[2:]) for k, v in replay.states.items()}
             rest = np.stack([replay.action, replay.reward, replay.terminal], axis=-1)
@@ -415,15 +407,15 @@ class Fleet:
         self.taken = np.zeros((R, N), int)  # missions taken before this chunk
         self.renewed = np.zeros((R, N), int)  # those of them in whose place new ones are
         self.now = torch.zeros(1, dtype=torch.long, device=self.device)
-        self.plan, self.log = zeros(CHUNK, R, 9), zeros(CHUNK, R, N, 4)
+        self.plan, self.log = zeros(CHUNK, R, 5), zeros(CHUNK, R, N, 4)
         self.losses = zeros(CHUNK, R)
         self.fading, self.uniform = zeros(R, N, self.world.slots, self.K), zeros(R, B)
         self.exponential = zeros(R, N, len(ACTIONS))
-        self.usual = torch.tensor([astuple(REPORTED)], device=self.device)
+        self.usual = torch.tensor(astuple(REPORTED), device=self.device)
+        learned = astuple(self.recipe.training_rewards_at(0))
+        self.rewards = torch.tensor(learned, device=self.device)
         place = torch.arange(B, device=self.device)
         self.older, self.newest = (place >= N).float(), place.clamp(max=N)
-        self.ahead = torch.arange(n, device=self.device)
-        self.powers = torch.tensor(self.recipe.discount, device=self.device) ** self.ahead
         self.run = torch.arange(R, device=self.device)[:, None]
         self.lane = torch.arange(N, device=self.device)
 
@@ -437,7 +429,7 @@ class Fleet:
         self.fading.normal_(generator=self.generator)
         self.exponential.exponential_(generator=self.generator)
         action = act(self.lanes, plan) if learning else self.exponential.argmax(dim=-1)
-        lanes, rows, log, over = advance(self.lanes, action, plan)
+        lanes, rows, log, over = advance(self.lanes, action)
         place = torch.stack([plan[0, HEAD], (plan[0, HEAD] + 1) % self.L]).long()
         self.memory.index_copy_(1, place, rows)
         self.log.index_copy_(0, self.now, log[None])
@@ -460,45 +452,39 @@ class Fleet:
         q_values = self.networks(self.leaves, *self.world.observe(lanes[..., : self.F]))
         return (q_values * plan[:, HEAT, None, None] - self.exponential.log()).argmax(dim=-1)
 
-    def _advance(self, lanes: Tensor, action: Tensor, plan: Tensor):
+    def _advance(self, lanes: Tensor, action: Tensor):
         """The lanes after a step, new missions in place of those ended; two rows of the memory,
         this step's and the state after it; what is logged; and which episodes are over."""
-        states, (ordinary, total) = lanes[..., : self.F], lanes[..., self.F :].unbind(-1)
+        states, total = lanes[..., : self.F], lanes[..., self.F]
         after, what, over = self.world.transition(states, action, self.fading)
-        reward = (what * plan[:, None, DATA : CRASH + 1]).sum(-1)
-        total = total + (what * self.usual[:, None]).sum(-1)
+        reward, total = (what * self.rewards).sum(-1), total + (what * self.usual).sum(-1)
         of_this = torch.stack([action.float(), reward, over.float()], dim=-1)
         rows = torch.stack(
             [torch.cat([states, of_this], -1), torch.cat([after, of_this], -1)],
             dim=1,
         )
         initial, left = after[..., 2 + self.K :].unflatten(-1, (2, self.K)).sum(-1).unbind(-1)
-        ended = [over * ordinary, total, 1 - what[..., 1], (initial - left) / initial]
+        ended = [over.float(), total, 1 - what[..., 1], (initial - left) / initial]
         missions = self.pool.shape[2]
         mission = self.pool[self.run, self.lane, self.cursor % missions]
-        going_on = torch.cat([after, ordinary[..., None], total[..., None]], dim=-1)
+        going_on = torch.cat([after, total[..., None]], dim=-1)
         lanes = torch.where(over[..., None], mission, going_on)
         return lanes, rows, torch.stack(ended, dim=-1), over
 
     def sample(self, plan: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Minibatches of transitions over n steps, the newest of each environment first.
+        """Minibatches of transitions, the newest of each environment first.
 
         Returns the states s and s', (2, R, B, F), the action, the reward and the discount, (R, B).
         """
-        n, N = self.recipe.return_steps, self.N
-        choices = (plan[:, FILLED, None] - n) * N  # but the newest N
+        N = self.N
+        choices = (plan[:, FILLED, None] - 1) * N  # but the newest N
         number = (self.uniform * choices * self.older).long() + self.newest
         age, lane = number // N, number % N
-        first = plan[:, HEAD, None].long() - (n - 1) - age
-        here = (first[..., None] + self.ahead) % self.L
-        rewards, ended = self.memory[self.run[..., None], here, lane[..., None], -2:].unbind(-1)
-        alive = (1 - ended).cumprod(-1)
-        before = torch.cat([torch.ones_like(alive[..., :1]), alive[..., :-1]], dim=-1)
-        reward = (before * self.powers * rewards).sum(-1)
-        discount = self.recipe.discount**n * alive[..., -1]
-        both = torch.stack([first, first + n]) % self.L
+        first = (plan[:, HEAD, None].long() - age) % self.L
+        both = torch.stack([first, (first + 1) % self.L])
         rows = self.memory[self.run, both, lane]
-        return rows[..., : self.F], rows[0, ..., self.F].long(), reward, discount
+        action, reward, ended = rows[0, ..., self.F :].unbind(-1)
+        return rows[..., : self.F], action.long(), reward, self.recipe.discount * (1 - ended)
 
     def _loss(self, leaves: list[Tensor], plan: Tensor) -> Tensor:
         """The loss of each run in a minibatch of its own, (R,); see `DDQN`."""
@@ -514,9 +500,7 @@ class Fleet:
             after = after.unflatten(0, (2, -1)).flatten(1, 2)
             y = ddqn_target(reward.flatten(), discount.flatten(), *after).view_as(reward)
         q = self.networks(leaves, maps[0], times[0]).gather(-1, action[..., None])[..., 0]
-        if self.recipe.huber_delta is None:
-            return functional.mse_loss(q, y, reduction="none").mean(-1)
-        return functional.huber_loss(q, y, reduction="none", delta=self.recipe.huber_delta).mean(-1)
+        return functional.mse_loss(q, y, reduction="none").mean(-1)
 
     def _adam(self, parts: list[Tensor], plan: Tensor) -> None:
         """Adam's step (torch.optim.Adam), and the target network's."""
@@ -526,10 +510,8 @@ class Fleet:
         beta1, beta2 = self.adam["betas"]
         mean.lerp_(gradient, 1 - beta1)
         square.mul_(beta2).addcmul_(gradient, gradient, value=1 - beta2)
-        if self.adam["amsgrad"]:
-            torch.maximum(largest, square, out=largest)
-            square = largest
-        scale = (square.sqrt() * plan[:, ROOT, None]).add_(self.adam["eps"])
+        torch.maximum(largest, square, out=largest)  # amsgrad
+        scale = (largest.sqrt() * plan[:, ROOT, None]).add_(self.adam["eps"])
         online.addcdiv_(mean * plan[:, RATE, None], scale, value=-1)
         target.lerp_(online, self.recipe.target_update_rate)
 
@@ -537,24 +519,21 @@ class Fleet:
 
     def next_plan(self, steps: int, updates: int, head: int, filled: int) -> np.ndarray:
         """The plan for the next `CHUNK` steps, or up to the end of the bin, the validation or the
-        run if that comes first; (steps, R, 9) float32."""
-        recipe, N, n = self.recipe, self.N, self.recipe.return_steps
+        run if that comes first; (steps, R, 5) float32."""
+        recipe, N = self.recipe, self.N
         ends = [(steps // every + 1) * every for every in (BIN, recipe.validation_interval)]
         count = min(-(-(min(*ends, recipe.steps) - steps) // N), CHUNK)
         beta1, beta2 = self.adam["betas"]
-        plan = np.zeros((max(count, 0), self.R, 9), np.float32)
-        for i, rows in enumerate(plan):
-            random = (filled - n + 1) * N < recipe.replay_prefill
+        plan = np.zeros((max(count, 0), self.R, 5), np.float32)
+        for i, row in enumerate(plan):
+            random = filled * N < recipe.replay_prefill
             filled = min(filled + 1, self.L - 1)
-            learning = (filled - n + 1) * N >= recipe.replay_prefill
+            learning = filled * N >= recipe.replay_prefill
             updates += learning
+            heat = 0.0 if random else 1 / recipe.temperature
+            rate = recipe.learning_rate / (1 - beta1**updates) if learning else 0.0
             root = 1 / math.sqrt(1 - beta2**updates) if learning else 0.0
-            for row, trainer in zip(rows, self.trainers, strict=True):
-                own, done = trainer.recipe, steps + i * N
-                heat = 0.0 if random else 1 / own.temperature_at(done)
-                rate = own.learning_rate_at(done) / (1 - beta1**updates) if learning else 0.0
-                row[:HEAD] = heat, *vars(own.training_rewards_at(done)).values(), rate, root
-                row[HEAD:] = (head + i) % self.L, filled
+            row[:] = heat, rate, root, (head + i) % self.L, filled
         return plan
 
     def place(self) -> tuple[int, int, int, int]:
@@ -658,15 +637,13 @@ class Fleet:
                 for of, vector in zip(VECTORS, vectors[:, r], strict=True)
                 for name, weight in self.networks.weights(vector).items()
             }
-            if not self.adam["amsgrad"]:
-                tensors = {k: v for k, v in tensors.items() if not k.startswith("max_")}
             step = torch.tensor(float(trainer.updates))
             tensors |= {f"step.{name}": step.clone() for name in self.networks.shapes}
             trainer.learner.load_state_dict(tensors)
             if memory is None:
                 continue
             trainer.state = unpacked(lanes[r, :, : self.F])
-            trainer.from_start, trainer.returns = lanes[r, :, -2] > 0, lanes[r, :, -1].astype(float)
+            trainer.returns = lanes[r, :, -1].astype(float)
             replay, rows = trainer.replay, memory[r].reshape(self.L * self.N, -1)
             states = vars(unpacked(rows[:, : self.F]))
             states |= {"action": rows[:, -3], "reward": rows[:, -2], "terminal": rows[:, -1]}
@@ -695,7 +672,7 @@ class Flights:
         action = fleet.networks(fleet.leaves, *fleet.world.observe(states)).argmax(dim=-1)
         after, what, _ = fleet.world.transition(states, action, self.fading)
         flying = (states[..., 1:2] > 0) & (self.sums[..., 1:2] == 0)
-        reward = (what * fleet.usual[:, None]).sum(-1)
+        reward = (what * fleet.usual).sum(-1)
         now = torch.stack([reward, 1 - what[..., 1], torch.ones_like(reward), what[..., 2]], dim=-1)
         self.sums += flying * now
         states.copy_(torch.where(flying, after, states))
@@ -720,10 +697,9 @@ class Flights:
 
 
 def starts(trainer: Trainer, count: int) -> np.ndarray:
-    """Lanes at the start of new episodes, drawn as the trainer draws them; (count, F + 2)."""
-    state, drawn = trainer._draw_starts(count)
-    extra = np.stack([drawn >= trainer.recipe.exploring_starts, np.zeros(count)], axis=1)
-    return np.concatenate([packed(state), extra], axis=1, dtype=np.float32)
+    """Lanes at the start of new episodes, drawn as the trainer draws them; (count, F + 1)."""
+    rows = packed(trainer._draw_starts(count)[0])
+    return np.pad(rows, ((0, 0), (0, 1)))
 
 
 class Run:
@@ -746,35 +722,14 @@ class Run:
         if agent:
             save_agent(folder / f"{agent}.safetensors", replace(trainer.agent, training=training))
 
-    def archive(self, folder: Path) -> None:
-        """All files in one, without what a finished run no longer needs."""
-        folder.mkdir(parents=True, exist_ok=True)
-        with tarfile.open(folder / f"{self.folder.name}.tar.gz", "w:gz") as archive:
-            for path in sorted(self.folder.iterdir()):
-                if not (self.trainer.finished and path.name == SAVED):
-                    archive.add(path, f"{self.folder.name}/{path.name}")
-
 
 def fleets_of(runs: list[Run]) -> list[list[Run]]:
-    """The runs that can be stacked, together: of equal shape, and equally far."""
+    """The runs that can be stacked, together: of equal recipes, and equally far."""
     groups: dict[str, list[Run]] = {}
     for run in runs:
-        shape = {k: v for k, v in run.trainer.recipe.as_json().items() if k not in OWN}
+        shape = {k: v for k, v in run.trainer.recipe.as_json().items() if k != "name"}
         groups.setdefault(str((shape, run.trainer.steps)), []).append(run)
     return list(groups.values())
-
-
-def ready(runs: list[Run], device: str, compiled: bool) -> Fleet:
-    """The fleet of these runs, not compiled if that fails."""
-    try:
-        fleet = Fleet(runs, device, compiled)
-    except Exception as error:
-        if not compiled:
-            raise
-        print(f"not compiled: {error}", file=sys.stderr, flush=True)
-        return ready(runs, device, compiled=False)
-    print(f"{len(runs)} runs are ready: {runs[0].folder.name}, …", flush=True)
-    return fleet
 
 
 def train(fleet: Fleet, until: float) -> None:
@@ -798,14 +753,12 @@ def train(fleet: Fleet, until: float) -> None:
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add = parser.add_argument
-    add("--train", nargs="+", action="append", required=True, metavar="RECIPE [VARIANT …]")
+    add("variants", nargs="*", default=["as_it_is"], metavar="VARIANT")
     add("--scenario", default="manhattan")
     add("--seeds", type=int, default=3, help="how many of each variant")
-    add("--first", type=int, default=0, help="the first of the seeds")
     add("--minutes", type=float, default=60, help="from the start; then the runs are saved")
     add("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     add("--out", type=Path, default=Path("build/fleet"))
-    add("--archive", type=Path, help="folder for one .tar.gz a run")
     add("--compiled", action="store_true", help="torch.compile joins small kernels")
     options = parser.parse_args(arguments)
     until = time.perf_counter() + 60 * options.minutes
@@ -814,21 +767,18 @@ def main(arguments: list[str] | None = None) -> None:
     kind = torch.cuda.get_device_name() if options.device.startswith("cuda") else options.device
     command = shlex.join(["python", "benchmarks/fleet.py", *(arguments or sys.argv[1:])])
     how = {"program": "benchmarks/fleet.py", "command": command, "device": kind}
-    runs = []
-    for name, *variants in options.train:
-        for variant, recipe in variants_of(find_recipe(name), variants or ["as_it_is"]).items():
-            for seed in range(options.first, options.first + options.seeds):
-                folder = re.sub(r"[^\w.-]+", "_", f"{name}-{variant}-{seed}")
-                runs.append(Run(options.out / folder, Trainer(scenario, recipe, seed), how))
+    runs = [
+        Run(options.out / f"{name}-{seed}", Trainer(scenario, recipe, seed), how)
+        for name, recipe in variants_of(PLAIN, options.variants).items()
+        for seed in range(options.seeds)
+    ]
     groups = fleets_of([run for run in runs if not run.trainer.finished])
-    fleets = [ready(group, options.device, options.compiled) for group in groups]
+    fleets = [Fleet(group, options.device, options.compiled) for group in groups]
     with ThreadPoolExecutor(max(len(fleets), 1)) as threads:
         jobs = [threads.submit(train, fleet, until) for fleet in fleets]
     failures = [job.exception() for job in jobs if job.exception()]
     for failure in failures:
         traceback.print_exception(failure)
-    for run in runs if options.archive else ():
-        run.archive(options.archive)
     sys.exit(1 if failures else 0)
 
 

@@ -1,6 +1,6 @@
 """The ladder: every way to fly, over the paper's two maps, on the same missions, in one table.
 
-    python benchmarks/ladder.py [--missions 3000] [--genie-missions 200] [--jobs 2]
+    python benchmarks/ladder.py [--jobs 2]
 
 All rows fly the same random missions of seed 50000, which nothing else uses, with the same fading.
 Of what is learned, the agents of all seeds fly. A row has means over missions and seeds, and the
@@ -10,14 +10,12 @@ other missions (`runs_interval`).
 The genie takes longest, so it flies fewer missions of the seed, which greedy and the teacher fly,
 too. They are drawn together, so they are not the first ones of the others.
 
-Writes `data/runs/ladder.csv.gz`, a row for each map and way, and `ladder.json`. What has been flown
-is kept in `build/ladder`, so a command that was stopped goes on.
+Writes `data/runs/ladder.csv.gz`, a row for each map and way, and `ladder.json`.
 """
 
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from itertools import permutations
 from pathlib import Path
 
@@ -33,12 +31,11 @@ from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.provenance import provenance
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.storage import write_atomically, write_json, write_table
+from uavdh_lite.storage import write_json, write_table
 
 DATA = Path(__file__).parents[1] / "data"
-KEPT = DATA.parent / "build" / "ladder"
 AGENTS, OUT = DATA / "agents", DATA / "runs" / "ladder.csv.gz"
-MISSIONS, GENIE_MISSIONS, SEED = 3000, 200, 50_000
+MISSIONS, SEED = {False: 3000, True: 200}, 50_000  # fewer where the genie flies
 MAPS = ("manhattan", "open_field")
 METRICS = ("landed", "collected", "collected_and_landed", "return", "time_used")
 COMPARED = ("collected_and_landed", "return")  # with greedy
@@ -128,25 +125,15 @@ def policies(row: Row, scenario: str) -> list[str]:
 def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np.ndarray], int]:
     """The records of one policy over a map, (missions,) each, and the steps that an agent made."""
     torch.set_num_threads(1)
-    agent_file = DATA.parent / name
-    of_agent = sha256(agent_file.read_bytes()).hexdigest()[:16] if agent_file.is_file() else ""
-    kept = KEPT / f"{scenario}-{row.name}-{of_agent}-{missions}.npz"
-    if kept.exists():
-        with np.load(kept, allow_pickle=False) as arrays:
-            records = dict(arrays)
-        return records, int(records.pop("steps"))
     environment, steps = environment_of(scenario), 0
     if row.policy:
         policy = row.policy(environment)
     else:
-        agent = load_agent(agent_file)
+        agent = load_agent(DATA.parent / name)
         policy = agent.over(environment.cities)
         environment, steps = policy.environment, agent.training["steps"]
-    flights = evaluate(environment, policy, find_scenario(scenario), missions, SEED)
-    records = {metric: flights.records()[metric] for metric in METRICS}
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(kept, lambda temporary: np.savez(temporary, steps=steps, **records))
-    return records, steps
+    records = evaluate(environment, policy, find_scenario(scenario), missions, SEED).records()
+    return {metric: records[metric] for metric in METRICS}, steps
 
 
 def summary(flown: list[dict[str, np.ndarray]], greedy: dict[str, np.ndarray]) -> dict[str, float]:
@@ -163,11 +150,8 @@ def summary(flown: list[dict[str, np.ndarray]], greedy: dict[str, np.ndarray]) -
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--missions", type=int, default=MISSIONS)
-    parser.add_argument("--genie-missions", type=int, default=GENIE_MISSIONS)
     parser.add_argument("--jobs", type=int, default=1)
-    options = parser.parse_args()
-    numbers = {False: options.missions, True: options.genie_missions}
+    jobs = parser.parse_args().jobs
     greedy_again = replace(ROWS[1], name="greedy_again", slow=True)
     grid = [
         (row, name, on)
@@ -175,17 +159,16 @@ def main() -> None:
         for on in row.maps
         for name in policies(row, on)
     ]
-    results = joblib.Parallel(n_jobs=options.jobs, verbose=10)(
-        joblib.delayed(fly)(row, name, scenario, numbers[row.slow]) for row, name, scenario in grid
+    results = joblib.Parallel(n_jobs=jobs, verbose=10)(
+        joblib.delayed(fly)(row, name, scenario, MISSIONS[row.slow]) for row, name, scenario in grid
     )
-    flown: dict[tuple[str, str], list[dict[str, np.ndarray]]] = {}
-    made: dict[tuple[str, str], list[int]] = {}
+    flown, made = {}, {}
     for (row, _, scenario), (records, steps) in zip(grid, results, strict=True):
         flown.setdefault((scenario, row.name), []).append(records)
         made.setdefault((scenario, row.name), []).append(steps)
     rows = [
         {"scenario": scenario, "row": row.name, "seeds": len(flown[scenario, row.name])}
-        | {"missions": numbers[row.slow], "steps": int(np.mean(made[scenario, row.name]))}
+        | {"missions": MISSIONS[row.slow], "steps": int(np.mean(made[scenario, row.name]))}
         | {f"knows_{what}": int(what in row.knows) for what in KNOWS}
         | summary(flown[scenario, row.name], flown[scenario, "greedy" + "_again" * row.slow][0])
         for scenario in MAPS

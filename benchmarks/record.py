@@ -85,11 +85,10 @@ def state(study: str) -> str:
     return f"made by another program, whose golden arrays are {made_by or 'not known'}"
 
 
-def make(study: str, jobs: int = 1, cluster: str = "") -> None:
+def make(study: str, jobs: int = 1) -> None:
     """Run a study's command, which goes on where it was stopped, and record what it made.
 
-    Raises `InputError` for a study whose command is only described, and for one that another
-    program has begun.
+    Raises `InputError` for a study that another program has begun.
     """
     entry, begun = studies()[study], ROOT / "runs" / study / "golden"
     if "runs" in entry:
@@ -100,12 +99,10 @@ def make(study: str, jobs: int = 1, cluster: str = "") -> None:
             raise InputError(f"{begun.parent}: begun by another program: move it away")
     for line in entry["command"].split(" && "):
         command = shlex.split(line)
-        if command[0] != "python" or {"AGENT", "SEED"} & set(command):
-            raise InputError(f"{study}: not made by a command: {line}")
         if "runs" in entry and "--out" not in command:
             command += ["--out", f"runs/{study}"]
         if command[1:4] == ["-m", "uavdh_lite", "study"]:
-            command += ["--cluster", cluster] if cluster else ["--jobs", str(jobs)]
+            command += ["--jobs", str(jobs)]
         subprocess.run([sys.executable, *command[1:]], cwd=ROOT, check=True)
     if "runs" in entry:
         gather(study, ROOT / "runs" / study)
@@ -135,14 +132,13 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
         raise InputError(f"{folder}: which program made these runs? name it with --commit")
     golden = digest(commit) if commit else made_by.read_text()
     tables: dict[str, list[dict]] = {"validation": [], "training": []}
-    about: dict[str, dict] = {}
-    recipes: dict[str, dict] = {}
+    about, recipes = {}, {}
     runs = [
         (variant, run, finished(run, name))
         for variant, name in entry["runs"].items()
         for run in sorted(folder.glob(f"{escape(name)}-[0-9]*"))
     ]
-    for variant, run, how in runs:
+    for variant, run, how in runs:  # all of them are finished
         about[f"{variant}-{how['seed']}"] = how
         recipes[variant] = how["recipe"]
         for table, rows in tables.items():
@@ -219,13 +215,12 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--make", metavar="STUDY", choices=studies())
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time")
-    parser.add_argument("--cluster", default="", help="address of a Dask cluster")
     parser.add_argument("--gather", nargs=2, metavar=("STUDY", "FOLDER"))
     parser.add_argument("--commit", default="", help="of the program that made the runs")
     options = parser.parse_args()
     torch.set_num_threads(1)
     if options.make:
-        make(options.make, options.jobs, options.cluster)
+        make(options.make, options.jobs)
     if options.gather:
         gather(options.gather[0], Path(options.gather[1]), options.commit)
     print(report())

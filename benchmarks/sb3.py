@@ -29,35 +29,19 @@ from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.evaluation import Policy, evaluate
 from uavdh_lite.network import convolutions
 from uavdh_lite.provenance import provenance
-from uavdh_lite.recipe import LITE
+from uavdh_lite.recipe import LITE, SMALL
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json, write_table
 from uavdh_lite.streams import Use
 from uavdh_lite.training import Trainer
 
+STEPS = 48_000
+OF_SMALL = ("kernels", "kernel_size", "strides", "hidden", "learning_rate", "batch_size")
+OF_SMALL += ("environments", "replay_capacity", "replay_prefill")
+OF_SMALL += ("crash_reward", "crash_reward_end", "crash_reward_growth", "validation_episodes")
 # `lite` for a village and half a minute
-QUICK = replace(
-    LITE,
-    name="quick",
-    steps=48_000,
-    kernels=8,
-    kernel_size=3,
-    strides=(2, 2),
-    hidden=(128, 128),
-    learning_rate=2e-3,
-    batch_size=64,
-    environments=16,
-    replay_capacity=40_000,
-    replay_prefill=2_000,
-    temperature=1.0,
-    crash_reward=-5.0,
-    crash_reward_end=-20.0,
-    crash_reward_growth=0.75,
-    validation_interval=8_000,
-    validation_episodes=200,
-)
+QUICK = replace(LITE, steps=STEPS, temperature=1.0, **{k: getattr(SMALL, k) for k in OF_SMALL})
 OUT = "data/runs/sb3-village"
-STEPS, BETWEEN = 48_000, 8_000  # environment steps of a run, and between two evaluations
 TASK = {"scenario": "village", "rewards": Rewards(crash=-20.0, movement=-0.1)}
 LEARNERS = {"dqn": DQN, "ppo": PPO}
 SETTINGS = {
@@ -90,51 +74,35 @@ NETWORKS = {
 }
 
 
-def row(variant: str, seed: int, steps: int, seconds: float, policy: Policy) -> dict:
+def row(variant: str, seed: int, seconds: float, policy: Policy) -> dict:
     """A policy's means over the missions; the seconds are of one core."""
     scenario, environment = find_scenario("village"), Environment(load_city("village"))
     metrics = evaluate(environment, policy, scenario, 200, 0, Use.VALIDATION).metrics()
-    about = {"variant": variant, "seed": seed, "steps": steps, "seconds": round(seconds, 1)}
-    names = ("landed", "collected_and_landed", "return")
-    return about | {name: metrics[name].mean for name in names}
+    about = {"variant": variant, "seed": seed, "steps": STEPS, "seconds": round(seconds, 1)}
+    return about | {key: metrics[key].mean for key in ("landed", "collected_and_landed", "return")}
 
 
 def ours(seed: int) -> list[dict]:
-    """One run of our DDQN; a row for each evaluation."""
-    recipe = replace(QUICK, steps=STEPS)
-    trainer, rows, spent = Trainer(find_scenario("village"), recipe, seed), [], 0.0
-    for target in range(BETWEEN, STEPS + 1, BETWEEN):
-        started = time.process_time()
-        while trainer.steps < target:
-            trainer.step()
-        spent += time.process_time() - started
-        rows.append(row("ddqn", seed, target, spent, trainer.agent))
-    return rows
+    """One run of our DDQN."""
+    trainer, started = Trainer(find_scenario("village"), QUICK, seed), time.process_time()
+    while not trainer.finished:
+        trainer.step()
+    return [row("ddqn", seed, time.process_time() - started, trainer.agent)]
 
 
 def theirs(name: str, network: str, seed: int) -> list[dict]:
-    """One run of Stable-Baselines3; a row for each evaluation and way to act."""
+    """One run of Stable-Baselines3; a row for each way to act."""
     envs = make_vec_env(ID, n_envs=1 if name == "dqn" else 8, seed=seed, env_kwargs=TASK)
     settings = SETTINGS[name] | {"learning_rate": 5e-4, "gamma": 0.95, "seed": seed}
     settings["policy_kwargs"] = NETWORKS[network]
     model = LEARNERS[name]("MultiInputPolicy", envs, device="cpu", **settings)
-    env = gymnasium.make(ID, **TASK)
-    rows, started, idle = [], time.process_time(), 0.0
-
-    def evaluated(*_) -> bool:
-        nonlocal idle
-        if model.num_timesteps % BETWEEN == 0:
-            before = time.process_time()
-            for way in (True, False) if name == "ppo" else (True,):
-                act = partial(model.predict, deterministic=way)
-                policy = as_policy(env, lambda seen, act=act: act(seen)[0])
-                variant = name + network + ("" if way else "_drawn")
-                about = (variant, seed, model.num_timesteps, before - started - idle)
-                rows.append(row(*about, policy))
-            idle += time.process_time() - before
-        return True
-
-    model.learn(STEPS, callback=evaluated)
+    env, rows, started = gymnasium.make(ID, **TASK), [], time.process_time()
+    model.learn(STEPS)
+    seconds = time.process_time() - started
+    for way, end in (("", True), ("_drawn", False)) if name == "ppo" else (("", True),):
+        act = partial(model.predict, deterministic=end)
+        policy = as_policy(env, lambda seen, act=act: act(seen)[0])
+        rows.append(row(f"{name}{network}{way}", seed, seconds, policy))
     return rows
 
 

@@ -3,22 +3,23 @@
     python benchmarks/trace.py munich --centre=20,40 --out data/places/munich.png
 
 Needs the extra `sionna`; on a CPU also LLVM 17 or later, whose library `DRJIT_LIBLLVM_PATH` names.
-The table is written after each device, so the same command goes on with what was stopped.
 """
 
 import argparse
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from tqdm.auto import tqdm
 
-from uavdh_lite.beyond.measured import buildings_fingerprint, load_gains, save_gains
+from uavdh_lite.beyond.measured import buildings_fingerprint, save_gains
 from uavdh_lite.bridges.footprints import city_of_shares
 from uavdh_lite.city import City
 from uavdh_lite.errors import InputError, extra
+
+with extra("sionna"):
+    import mitsuba as mi
+    from sionna import rt
 
 POINTS = 5  # on a side of a cell at which its height is taken
 LEVEL_M = 0.5  # what rises less above the ground is none of the buildings
@@ -47,14 +48,16 @@ class Tracer:
     | --- | --- | --- |
     | `height_m` | (M, M, 5, 5) | how high something stands at points of each cell, m; 0: nothing |
 
-    Raises `MissingExtra` without Sionna RT; `InputError` without LLVM or with an old one, for a
-    scene that is unknown or cannot be loaded, and for a place that is not on the scene's ground or
-    whose ground is not nearly level.
+    Raises `InputError` for a place that is not on the scene's ground, or whose ground is not nearly
+    level.
     """
 
     def __init__(self, place: Place):
-        self.place, (self._rt, self._mi) = place, _sionna()
-        self._scene = self._load()
+        self.place, path = place, getattr(rt.scene, place.scene, place.scene)
+        self._scene = scene = rt.load_scene(path)
+        scene.frequency = place.frequency_hz
+        scene.tx_array = rt.PlanarArray(num_rows=1, num_cols=1, pattern="iso", polarization="V")
+        scene.add(rt.Transmitter("device", position=[0, 0, 0]))
         along = (np.arange(place.size * POINTS) + 0.5) * place.cell_size_m / POINTS
         along -= place.size * place.cell_size_m / 2
         x, y = np.meshgrid(place.centre[0] + along, place.centre[1] - along)
@@ -78,23 +81,14 @@ class Tracer:
         )
         return city_of_shares(name, tall, built, landing)
 
-    def trace(self, city: City, path: Path) -> np.ndarray:
+    def gains(self, city: City) -> np.ndarray:
         """The gains between all cells, `[device cell, UAV cell]`, dB; (n, n), −∞ without any ray.
 
-        They are written to `path` after each device. Rows of cells where no device may stand are
-        −∞. Steps are half a decibel. Raises `InputError` if the file holds another trace.
+        Rows of cells where no device may stand are −∞. Steps are half a decibel.
         """
-        about = {**asdict(self.place), "buildings": buildings_fingerprint(city)}
-        about = json.loads(json.dumps(about))  # as in the file: tuples become lists
         gain_db = np.full((city.size**2,) * 2, -np.inf, np.float32)
-        gain_db[city.open_to_devices.ravel()] = np.nan
-        if path.exists():
-            gain_db, found = load_gains(path)
-            if found != about:
-                raise InputError(f"{path}: holds another trace; delete it, or name another file")
-        for cell in tqdm(np.flatnonzero(np.isnan(gain_db[:, 0])), unit="device"):
+        for cell in tqdm(np.flatnonzero(city.open_to_devices), unit="device"):
             gain_db[cell] = np.round(2 * self._gains_from(int(cell))) / 2
-            save_gains(path, gain_db, about)
         return gain_db
 
     def _gains_from(self, cell: int) -> np.ndarray:
@@ -102,7 +96,7 @@ class Tracer:
 
         The device stands on the ground as near to the cell's middle as it can.
         """
-        place, mi = self.place, self._mi
+        place = self.place
         row, col = divmod(cell, place.size)
         ground = self.height_m[row, col] <= LEVEL_M
         off_centre = np.abs(np.arange(POINTS) - POINTS // 2)
@@ -112,7 +106,7 @@ class Tracer:
         device = self._scene.transmitters["device"]
         device.position = mi.Point3f(*map(float, (self._x[point], self._y[point], height_m)))
         side, step = place.size * place.cell_size_m, place.cell_size_m
-        traced = self._rt.RadioMapSolver()(
+        traced = rt.RadioMapSolver()(
             self._scene,
             center=mi.Point3f(*place.centre, float(self._ground_m.mean()) + place.altitude_m),
             orientation=mi.Point3f(0, 0, 0),
@@ -129,52 +123,14 @@ class Tracer:
         with np.errstate(divide="ignore"):
             return 10 * np.log10(gain.ravel())
 
-    def _load(self) -> Any:
-        """The scene with a device in it."""
-        rt, place = self._rt, self.place
-        shipped = getattr(rt.scene, place.scene, None)
-        path = shipped if isinstance(shipped, str) else place.scene
-        if not Path(path).is_file():
-            raise InputError(f"scene {place.scene}: neither one that Sionna ships nor a file")
-        try:
-            scene = rt.load_scene(path)
-        except Exception as error:  # Mitsuba raises many types for XML and meshes
-            reason = str(error).strip().splitlines()[-1]
-            raise InputError(f"scene {path}: cannot be loaded ({reason})") from None
-        scene.frequency = place.frequency_hz
-        scene.tx_array = rt.PlanarArray(num_rows=1, num_cols=1, pattern="iso", polarization="V")
-        scene.add(rt.Transmitter("device", position=[0, 0, 0]))
-        return scene
-
     def _first_hit(self, down: bool) -> np.ndarray:
         """The height of what a ray from above, or from below, meets first, m; NaN for nothing."""
-        mi, scene, count = self._mi, self._scene.mi_scene, self._x.size
+        scene, count = self._scene.mi_scene, self._x.size
         start = scene.bbox().max.z + 1 if down else scene.bbox().min.z - 1
         origin = mi.Point3f(self._x.ravel(), self._y.ravel(), np.full(count, start))
         hit = scene.ray_intersect(mi.Ray3f(origin, mi.Vector3f(0, 0, -1 if down else 1)))
         height_m = np.where(np.array(hit.is_valid()), np.array(hit.p.z), np.nan)
         return height_m.reshape(self._x.shape)
-
-
-def _sionna() -> tuple[Any, Any]:
-    """The modules of Sionna RT and of Mitsuba."""
-    with extra("sionna"):
-        try:
-            import drjit
-            import mitsuba
-            from sionna import rt
-
-            llvm = drjit.detail.llvm_version()[0]
-            if str(mitsuba.variant()).startswith("llvm") and llvm < 17:  # it would end the process
-                raise ImportError(f"found LLVM {llvm}")
-        except ModuleNotFoundError:
-            raise
-        except ImportError as error:
-            raise InputError(
-                f"Sionna RT has no processor to trace on ({error}); on a CPU it needs LLVM 17 or "
-                "later, such as Debian's libllvm19, and its path in DRJIT_LIBLLVM_PATH"
-            ) from None
-    return rt, mitsuba
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -187,16 +143,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("place.png"), help="the city's PNG")
     options = parser.parse_args(arguments)
     x, y = map(float, options.centre.split(","))
-    try:
-        tracer = Tracer(Place(options.scene, (x, y), options.cells, rays=options.rays))
-        city, out = tracer.city(options.out.stem, options.landing_cells), options.out
-        if out.exists() and City.load(out).fingerprint != city.fingerprint:
-            raise InputError(f"{out}: holds another city: name another file with --out")
-        city.save(out)
-        tracer.trace(city, out.with_suffix(".npz"))
-    except InputError as error:
-        raise SystemExit(f"error: {error}") from None
-    print(city.text, f"{out}, {out.with_suffix('.npz')}", sep="\n")
+    tracer = Tracer(Place(options.scene, (x, y), options.cells, rays=options.rays))
+    city, place = tracer.city(options.out.stem, options.landing_cells), asdict(tracer.place)
+    about = {**place, "buildings": buildings_fingerprint(city)}
+    city.save(options.out)
+    save_gains(options.out.with_suffix(".npz"), tracer.gains(city), about)
+    print(city.text, f"{options.out}, {options.out.with_suffix('.npz')}", sep="\n")
 
 
 if __name__ == "__main__":

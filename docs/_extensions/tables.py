@@ -514,32 +514,6 @@ def sb3() -> str:
     return f"{_table(head, rows)}\n{_made_with('sb3-village')}"
 
 
-def fresh_missions() -> str:
-    """The shipped agents on missions that were used nowhere else."""
-    table = read_table(RUNS / "fresh_missions.csv.gz")
-    rows = []
-    for i, name in enumerate(table["agent"].tolist()):
-        one = {key: values[i] for key, values in table.items()}
-        interval = lambda what: Interval(one[what], one[f"{what}_low"], one[f"{what}_high"])  # noqa: B023, E731
-        rows.append(
-            [
-                f"`{name}`",
-                f"{100 * one['landed']:.1f} %",
-                _number(interval("return_ahead")),
-                _number(interval(f"{BOTH}_ahead")),
-                _percent(interval("return_share")),
-                _percent(interval(f"{BOTH}_share")),
-                f"{100 * one['straight_home']:.1f} %",
-                int(one["missions_with_genie"]),
-            ]
-        )
-    head = ["agent", "landed", "return, ahead of greedy"]
-    head += ["collected and landed, points ahead of greedy"]
-    head += ["share of the genie's return", "share of the genie's collected and landed"]
-    head += ["straight home", "missions with the genie"]
-    return f"{_table(head, rows)}\n{_made_with('fresh_missions')}"
-
-
 def cities_to_learn_in() -> str:
     """Agents that learned in more and more cities, over those and over others."""
     table, rows = read_table(RUNS / "unseen_cities.csv.gz"), []

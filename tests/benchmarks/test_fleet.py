@@ -12,8 +12,9 @@ from benchmarks import fleet as program
 from benchmarks.fleet import Fleet, Run, packed
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import ACTIONS, Environment, State
+from uavdh_lite.errors import InputError
 from uavdh_lite.experiments.runs import restore_run
-from uavdh_lite.recipe import PAPER, SMALL
+from uavdh_lite.recipe import LITE, PLAIN
 from uavdh_lite.replay import Batch
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
@@ -22,8 +23,9 @@ from uavdh_lite.training import Trainer
 pytestmark = pytest.mark.long  # it trains
 VILLAGE = find_scenario("village")
 TINY = replace(
-    SMALL, environments=4, replay_capacity=200, replay_prefill=80, batch_size=16, steps=2_000,
-    validation_interval=1_000, validation_episodes=20,
+    PLAIN, kernels=4, kernel_size=3, strides=(2, 2), hidden=(32,), environments=4, batch_size=16,
+    replay_capacity=200, replay_prefill=80, steps=2_000, validation_interval=1_000,
+    validation_episodes=20,
 )  # fmt: skip
 
 
@@ -56,7 +58,7 @@ def maps_and_times(observation, state):
 @pytest.mark.parametrize("scenario", ["village", "manhattan"])
 def test_transitions_and_maps_are_those_of_the_library(kind, scenario):
     scenario = find_scenario(scenario)
-    trainer = Trainer(scenario, replace(SMALL, observation=kind), 0)
+    trainer = Trainer(scenario, replace(PLAIN, kernel_size=3, observation=kind), 0)
     environment, observation = trainer.environment, trainer.learner.observation
     world = program.World(observation, scenario.max_devices, "cpu")
     state, generator = under_way(environment, scenario, 4_000), stream(Use.BENCHMARK, 1)
@@ -74,21 +76,12 @@ def test_transitions_and_maps_are_those_of_the_library(kind, scenario):
         torch.testing.assert_close(found, right, rtol=0, atol=1e-4)
 
 
-RECIPES = {
-    "paper": replace(PAPER, strides=(3, 1), batch_size=8, replay_capacity=100, replay_prefill=100),
-    "in_place": replace(
-        PAPER, strides=(3, 1), observation="non_centred", batch_size=8, replay_capacity=100,
-        replay_prefill=100,
-    ),
-    "lite": TINY,
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", RECIPES)
-def test_updates_give_the_weights_of_the_library(name, build):
+@pytest.mark.parametrize("kind", ["centred", "non_centred"])
+def test_updates_give_the_weights_of_the_library(kind, build):
     """Three updates in turn: Adam's moments and the target network matter, too."""
-    recipe = replace(RECIPES[name], learning_rate_end=None, validation_episodes=1)
-    scenario = VILLAGE if name == "lite" else find_scenario("manhattan")
+    memory = {"batch_size": 8, "replay_capacity": 100, "replay_prefill": 100}
+    recipe = replace(PLAIN, observation=kind, validation_episodes=1, **memory)
+    scenario = find_scenario("manhattan")
     fleet = build(recipe, seeds=2, scenario=scenario)
     learners = [Trainer(scenario, recipe, seed).learner for seed in range(2)]
     before = fleet.vectors.clone()
@@ -111,7 +104,7 @@ def test_updates_give_the_weights_of_the_library(name, build):
         torch.testing.assert_close(loss.detach(), torch.stack(losses), rtol=1e-4, atol=1e-5)
         parts = torch.autograd.grad(loss.sum(), fleet.leaves)
         count = update + 1
-        plan = torch.zeros(2, 9)
+        plan = torch.zeros(2, 5)
         plan[:, program.RATE] = recipe.learning_rate / (1 - 0.9**count)
         plan[:, program.ROOT] = (1 - 0.999**count) ** -0.5
         with torch.no_grad():
@@ -121,14 +114,13 @@ def test_updates_give_the_weights_of_the_library(name, build):
         found, right = trainer.learner.state_dict(), learner.state_dict()
         for name, weight in right.items():
             if not name.startswith("step"):
-                torch.testing.assert_close(found[name], weight, rtol=1e-4, atol=5e-6)
+                torch.testing.assert_close(found[name], weight, rtol=1e-4, atol=5e-5)
     assert (fleet.vectors[0] - before[0]).abs().max() > 1e-5
 
 
-@pytest.mark.parametrize("n", [1, 3])
-def test_minibatches_are_those_of_the_librarys_memory(n, build):
-    """The device's memory, given to the library's, holds the same transitions and sums."""
-    fleet = build(replace(TINY, return_steps=n, batch_size=80), seeds=2)
+def test_minibatches_are_those_of_the_librarys_memory(build):
+    """The device's memory, given to the library's, holds the same transitions."""
+    fleet = build(replace(TINY, batch_size=80), seeds=2)
     plan = fleet.next_plan(0, 0, 0, 0)
     fleet.plan[: len(plan)] = torch.from_numpy(plan)
     for _step in range(70):  # more than the memory has room for
@@ -161,32 +153,12 @@ class Draws:
         return np.floor(self.uniform[-size:] * np.float32(among)).astype(int)
 
 
-def test_a_run_of_the_fleet_learns(build):
-    """After 16,000 steps over the village: far more than the random policy brings home."""
-    recipe = replace(
-        SMALL, steps=16_000, validation_interval=16_000, return_steps=3, layer_norm=True,
-        data_scale=20.0, time_scale=10.0, exploring_starts=0.5,
-    )  # fmt: skip
-    fleet = build(recipe)
-    fleet.train(until=np.inf)
-    (trainer,) = fleet.trainers
-    last, (row, *_, end) = trainer.validation_rows[-1], trainer.training_rows
-    assert last["collected_and_landed"] > 0.25 > 0.1 > row["collected_and_landed"]
-    assert end["loss"] < 10 and end["episodes"] > 50
-    assert all(0 < one["greedy_flights"] <= 64 for one in trainer.training_rows)
-    assert end["greedy_collected_and_landed"] > 0.25
-    agent = load_agent(fleet.runs[0].folder / "best.safetensors")
-    assert agent.training["steps"] == 16_000
-
-
 def test_a_run_that_was_stopped_goes_on_here_and_with_the_library(tmp_path, monkeypatch, capsys):
     """The first call ends by a clock that ticks a minute a look; after two chunks of steps."""
-    monkeypatch.setattr(program, "find_recipe", {"tiny": TINY}.get)
+    monkeypatch.setattr(program, "PLAIN", TINY)
     monkeypatch.setattr(program, "CHUNK", 50)
-    arguments = ["--scenario", "village", "--device", "cpu", "--first", "1", "--seeds", "2"]
-    arguments += ["--train", "tiny", "leak=0", "leak=0,learning_rate=0.001"]
-    arguments += ["--out", str(tmp_path / "runs")]
-    arguments += ["--archive", str(tmp_path / "archive"), "--minutes", "5.5"]
+    arguments = ["learning_rate=0.001", "--scenario", "village"]
+    arguments += ["--device", "cpu", "--seeds", "2", "--out", str(tmp_path), "--minutes", "6.5"]
 
     def call() -> list[str]:
         with pytest.raises(SystemExit) as end:
@@ -195,23 +167,28 @@ def test_a_run_that_was_stopped_goes_on_here_and_with_the_library(tmp_path, monk
         return capsys.readouterr().out.splitlines()
 
     def trained(seed: int) -> Trainer:
-        trainer = Trainer(VILLAGE, replace(TINY, leak=0.0), seed)
-        folder = tmp_path / "runs" / f"tiny-leak_0-{seed}"
+        trainer = Trainer(VILLAGE, replace(TINY, learning_rate=0.001), seed)
+        folder = tmp_path / f"learning_rate=0.001-{seed}"
         restore_run(folder / "training.safetensors", trainer)
         return trainer
 
     ticks = itertools.count(0, 60)
     with monkeypatch.context() as patched:
         patched.setattr(program, "time", SimpleNamespace(perf_counter=lambda: next(ticks)))
-        assert "4 runs are ready" in call()[0]
+        call()
     stopped = trained(1)
     assert (stopped.steps, stopped.updates, stopped.replay.filled) == (400, 81, 50)
     assert stopped.training_rows == [] and stopped.validation_rows == []
     stopped.step()
     assert stopped.updates == 82 and stopped.is_finite()
     said = call()
-    assert sum(": 2000 steps" in line for line in said) == 4 + 1  # of each run, and of the fleet
+    assert sum(": 2000 steps" in line for line in said) == 2 + 1  # of each run, and of the fleet
     ended = trained(1)
     assert ended.finished and ended.updates == 481 and len(ended.validation_rows) == 2
-    assert len(list((tmp_path / "archive").iterdir())) == 4
-    assert load_agent(tmp_path / "runs" / "tiny-leak_0-2" / "last.safetensors")
+    assert all(0 < row["greedy_flights"] <= 64 for row in ended.training_rows)
+    assert load_agent(tmp_path / "learning_rate=0.001-0" / "last.safetensors")
+
+
+def test_what_a_fleet_does_not_compute_is_named(build):
+    with pytest.raises(InputError, match=r"with another .*leak"):
+        build(LITE)

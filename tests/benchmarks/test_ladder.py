@@ -2,7 +2,6 @@
 
 from itertools import permutations
 
-import numpy as np
 import pytest
 
 from benchmarks import ladder
@@ -27,16 +26,12 @@ def test_the_recorded_rows_say_what_they_know_and_are_ahead_of_greedy_in_pairs()
                 assert table["return_ahead"][at] == pytest.approx(ahead, abs=2e-4)
 
 
-def test_a_rule_flies_the_missions_that_an_agent_flies(monkeypatch, tmp_path):
-    monkeypatch.setattr(ladder, "KEPT", tmp_path)
+def test_agents_and_rules_fly_as_many_missions_as_are_asked_for():
     rows = {row.name: row for row in ladder.ROWS}
     (name, *_) = ladder.policies(rows["ddqn"], "manhattan")
     for row, policy in (("greedy", "greedy"), ("ddqn", name)):
         records, steps = ladder.fly(rows[row], policy, "manhattan", 20)
         assert (steps > 0) == (row == "ddqn") and records["landed"].shape == (20,)
-        again, _ = ladder.fly(rows[row], policy, "manhattan", 20)  # from what was kept
-        np.testing.assert_array_equal(again["return"], records["return"])
-    assert len(list(tmp_path.glob("*.npz"))) == 2
 
 
 MANHATTAN = environment_of("manhattan")

@@ -97,6 +97,8 @@ def test_the_loss_is_the_cross_entropy_over_the_eight_views(run):
     assert loss.item() == pytest.approx(torch.stack(losses).mean().item(), rel=1e-4)
 
 
+@pytest.mark.long
+@pytest.mark.longest
 def test_it_learns_to_fly_the_corridor_by_what_the_genie_does(corridor, corridor_scenario, recipe):
     run = trainer(corridor, corridor_scenario, recipe, 14_400)
     returns = [

@@ -14,24 +14,12 @@ from uavdh_lite.evaluation import evaluate
 
 
 @pytest.fixture(scope="module")
-def recipe(quick):
-    """Hardly any labels, and then reward."""
-    return replace(
-        ImitationRecipe(**asdict(quick)),
-        failsafe=True,
-        told=True,
-        labels=960,
-        environments=16,
-        batch_size=32,
-        replay_prefill=320,
-        learning_rate=1e-3,
-        reward_learning_rate=1e-3,
-    )
+def trained(corridor, corridor_scenario, quick):
+    """A run with hardly any labels, after so many steps; those of one number share it."""
 
-
-@pytest.fixture(scope="module")
-def trained(corridor, corridor_scenario, recipe):
-    """A function that gives the run after so many steps; those of one number share the training."""
+    values = {"failsafe": True, "told": True, "labels": 960, "replay_prefill": 320}
+    rates = {"learning_rate": 1e-3, "reward_learning_rate": 1e-3}
+    recipe = ImitationRecipe(**asdict(quick) | values | rates)
 
     @cache
     def once(steps):
@@ -124,6 +112,7 @@ def test_flights_draw_actions_know_which_were_unsure_and_have_a_ratio_of_1(run, 
         assert run._ratio(state, taken, surprise).numpy() == pytest.approx(1, abs=1e-4)
 
 
+@pytest.mark.long
 def test_reward_makes_a_poor_copy_better(trained, corridor_scenario):
     poor, better = (
         evaluate(run.environment, run.agent, corridor_scenario, 200, seed=0).returns.mean()

@@ -76,7 +76,7 @@ def test_by_the_mean_of_eight_views_a_turned_mission_is_flown_as_the_turned_flig
 
 
 def test_agents_that_have_learned_from_all_views_may_fly_by_them():
-    agent = load_agent("any_city")
+    agent = load_agent("any_city").over(City.load("village"))
     start = agent.scenario.sample(agent.environment, 30, np.random.default_rng(0))
     eight = in_eight_views(agent)
     changed = (eight.q_values(start) - agent.q_values(start)).abs().nan_to_num().max()

@@ -81,19 +81,14 @@ NO_FLY_CELL = np.flatnonzero(VILLAGE.no_fly)[:1]
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
-        ({"data_initial": START.data_initial * np.nan}, "a number from 0"),
-        ({"data_left": START.data_initial + 1}, "a number from 0"),
-        ({"data_left": START.data_initial - 100}, "a number from 0"),
-        ({"data_left": 0 * START.data_left, "data_initial": 0 * START.data_left}, "has no data"),
-        ({"time_left": np.array([-3])}, "is over"),
+        ({"data_initial": START.data_initial * np.nan}, "outside the observation space"),
+        ({"data_left": START.data_initial + 1}, "outside the observation space"),
+        ({"data_left": 0 * START.data_left, "data_initial": 0 * START.data_left}, "without data"),
+        ({"time_left": np.array([36])}, "outside the observation space"),
         ({"landed": np.array([True])}, "is over"),
         ({"uav_cell": NO_FLY_CELL}, "over a no-fly cell"),
         ({"uav_cell": np.array([64])}, "in no cell"),
-        ({"device_cells": START.device_cells - 100}, "in no cell"),
         ({"device_cells": 0 * START.device_cells}, "device on a building or in the landing"),
-        ({"city": np.array([1])}, "in no cell"),
-        ({"time_left": np.array([36])}, r"village ends at 35 and 15"),
-        ({"data_initial": 0 * START.data_initial + 16}, r"village ends at 35 and 15"),
     ],
 )
 def test_a_start_that_cannot_be_flown_or_seen_is_refused(wrong, named):
@@ -118,21 +113,12 @@ def test_what_is_no_action_is_named(action):
             call()
 
 
-@pytest.mark.parametrize(
-    ("mask", "error"),
-    [
-        (np.array([0, 0, 1]), TypeError),
-        ([True, False, False], TypeError),
-        (np.zeros(3, bool), ValueError),
-        (np.ones(2, bool), ValueError),
-    ],
-)
-def test_a_wrong_mask_is_the_error_that_gymnasiums_own_batches_raise(mask, error):
-    ours, theirs = batch(3), SyncVectorEnv([single] * 3)
-    for env in (ours, theirs):
-        env.reset()
-        with pytest.raises(error, match="reset_mask"):
-            env.reset(options={"reset_mask": mask})
+@pytest.mark.parametrize("mask", [[0, 0, 1], np.zeros(3, bool), np.ones(2, bool)])
+def test_a_wrong_mask_is_refused(mask):
+    env = batch(3)
+    env.reset()
+    with pytest.raises(InputError, match=r"reset_mask is .*: must be 3 Booleans, not all False"):
+        env.reset(options={"reset_mask": mask})
 
 
 SCRIPT = """
@@ -157,6 +143,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.long
+@pytest.mark.longest
 def test_processes_that_inherit_nothing_find_the_environment_by_its_module(tmp_path):
     """As in a Jupyter kernel: what the parent imported has registered nothing in them."""
     pytest.importorskip("stable_baselines3")
@@ -260,9 +247,8 @@ def test_what_a_batch_cannot_do_is_refused():
         env.step(np.array([HOVER, HOVER]))
     with pytest.raises(InputError, match=r"expected a State of 2 episodes"):
         env.reset(options=in_the_corner(9))
-    for options in ({"render_mode": "rgb_array"}, {"count": 0}):
-        with pytest.raises(InputError, match=r"num_envs.*render_mode.*sync"):
-            batch(**{"count": 2, **options})
+    with pytest.raises(InputError, match="a batch is not drawn"):
+        batch(2, render_mode="rgb_array")
     with pytest.raises(InputError, match=r"render_mode 'human': must be None or rgb_array"):
         DataHarvesting("village", render_mode="human")
 

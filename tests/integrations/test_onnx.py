@@ -17,7 +17,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.training import Trainer
 
 KINDS = {"failsafe": True, "told": True, "pooling": 2}
-SHIPPED = [("manhattan_ddqn", "manhattan"), ("manhattan", "manhattan"), ("any_city", "village")]
+SHIPPED = [("manhattan_ddqn", "manhattan"), ("any_city", "village")]
 
 
 def export(agent, path):
@@ -33,6 +33,7 @@ def export(agent, path):
     return json.loads(session.get_modelmeta().custom_metadata_map["uavdh_lite"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kinds", list(combinations(KINDS, 2)))
 def test_every_pair_of_kinds_of_agents(tmp_path, corridor, corridor_scenario, quick, kinds):
     """A tiny network, as it is before training; of the shipped agents one has none, one all."""

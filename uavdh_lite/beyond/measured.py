@@ -104,27 +104,23 @@ def load_place(name: str | Path) -> MeasuredEnvironment:
     """A shipped place by its name, or a city's PNG with its table of gains beside it, `.npz`.
 
     Raises `CityError` or `InputError` that names the file if one of the two cannot be used, or if
-    the table says that it was made over other buildings, or for other cells or another altitude
-    than the channel's. No-fly zones and landing zones may differ.
+    the table says that it was made over other buildings, cells or altitudes.
     """
     path = data_folder() / "places" / f"{name}.png" if name in shipped_places() else Path(name)
     table, channel = path.with_suffix(".npz"), Channel()
     city, (gain_db, about) = City.load(path), load_gains(table)
-    if gain_db.shape != (city.size**2,) * 2 or np.isnan(gain_db).any():
-        raise InputError(f"{table}: not the finished gains of {path.name}")
-    for key in ("cell_size_m", "altitude_m"):
-        found, right = about.get(key), getattr(channel, key)
-        if found not in (None, right):
-            raise InputError(f"{table}: {key} is {found}; the agents' radio has {right:g} only")
-    if about.get("buildings") not in (None, buildings_fingerprint(city)):
-        raise InputError(
-            f"{table}: its gains were made over other buildings than those of {path.name}: trace "
-            "them again, or take the table that belongs to it"
-        )
+    right = {key: getattr(channel, key) for key in ("cell_size_m", "altitude_m")}
+    right["buildings"] = buildings_fingerprint(city)
+    for key in right.keys() & about.keys():
+        if about[key] != right[key]:
+            raise InputError(
+                f"{table}: its {key} are {about[key]}, but {right[key]} for {path.name}: take the "
+                "table that belongs to it"
+            )
     try:
         return MeasuredEnvironment(city, mean_snr_db=levelled(SafeEnvironment(city), gain_db))
-    except InputError as error:
-        raise InputError(f"{table}: {error}") from None
+    except ValueError as error:
+        raise InputError(f"{table}: not the gains of {path.name} ({error})") from None
 
 
 def buildings_fingerprint(city: City) -> str:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 EARTH_RADIUS_M = 6_371_009.0  # of a sphere with the Earth's mean radius
-LARGEST = 100_000_000  # bytes; the buildings of a large town
 BUILDING = "building", "building:part", "building_part"  # a polygon with one of these tags is one
 LEVELS = "building:levels", "building_levels", "levels", "num_floors"  # the last is Overture's
 ABSENT = "", "no", "false", "none", "null", "nan"  # values that say the same as no tag
@@ -41,18 +40,7 @@ TOO_SMALL = "left out: no cell that they touch is half built on"
 OTHERS = {  # how files begin that are not GeoJSON, and what they are
     b"version https://git-lfs": "a pointer of Git LFS and not the file: run git lfs pull",
     b"PK\x03\x04": "a ZIP archive: unpack it",
-    b"\x1f\x8b": "compressed with gzip: unpack it",
-    b"SQLite": "a GeoPackage",
-    b"\0\0\x27\x0a": "a shapefile",
-    b"PAR1": "GeoParquet",
-    b"fgb": "FlatGeobuf",
     b"<": "XML or HTML, as OpenStreetMap's own files, KML, GML and a server's error pages are",
-}
-OTHER_JSON = {  # entries of JSON files that are not GeoJSON, and what they are
-    "elements": "Overpass JSON: choose Export, GeoJSON in Overpass Turbo, or run osmtogeojson",
-    "CityObjects": "CityJSON",
-    "arcs": "TopoJSON",
-    "geometryType": "JSON of ArcGIS: ask its server for f=geojson",
 }
 
 
@@ -192,14 +180,9 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
         shapely.area(shapely.intersection(squares, shapely.union_all(shapes[rows])))
         for rows in (tall, inside)
     )
-    near = None
-    if raster.landing is not None:
-        near = raster.cells_of(np.array(raster.landing[::-1]))[::-1]
-        if np.abs(near - edges.mean() - 0.5).max() > raster.cells / 2:
-            raise InputError(
-                f"footprints: landing {raster.landing} is outside the city: it has {half:g} m on "
-                f"each side of the centre {raster.centre}"
-            )
+    near = raster.cells_of(np.array((raster.landing or raster.centre)[::-1]))[::-1]
+    if np.abs(near - (raster.cells - 1) / 2).max() > raster.cells / 2:
+        raise InputError(f"footprints: landing {raster.landing} is outside the city")
     city = city_of_shares(path.stem, tall_share, built_share, raster.landing_cells, near)
     became = np.unique(which[city.buildings.flat[cell]])
     fate[np.setdiff1d(np.flatnonzero(fate == used), inside)] = OUTSIDE
@@ -238,36 +221,33 @@ def city_of_shares(
 
 def _features(path: Path) -> Iterator[Any]:
     """The features of a file, as they are."""
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path}: {path.stat().st_size} bytes: export a smaller area")
     content = path.read_bytes()
     for start, what in OTHERS.items():
         if content.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(start):
             raise InputError(f"{path}: {what}; expected GeoJSON")
-    text = content.decode(json.detect_encoding(content), "replace")
+    text = content.decode(json.detect_encoding(content), "replace").strip()
     try:
         try:
             parts = [json.loads(text)]
-        except json.JSONDecodeError as error:
-            mark = "\x1e" if text.startswith("\x1e") else "\n"  # of RFC 8142, or a line each
-            if mark == "\n" and error.msg != "Extra data":
+        except json.JSONDecodeError as error:  # one a line, or RFC 8142 with a mark before each
+            if error.msg != "Extra data" and text[0] != "\x1e":
                 raise
-            parts = [json.loads(line) for line in text.split(mark) if line.strip()]
-    except (ValueError, RecursionError) as error:
+            parts = [json.loads(line) for line in text.replace("\x1e", "").splitlines() if line]
+    except (ValueError, LookupError, RecursionError) as error:
         raise InputError(f"{path}: not JSON, or damaged ({error})") from None
-    for part in parts[0] if isinstance(parts[0], list) else parts:
+    for part in parts:
         part = part if isinstance(part, dict) else {}
-        kind = part.get("type")
-        if kind == "Feature":
+        if part.get("type") == "Feature":
             yield part
-        elif known := [key for key in OTHER_JSON if key in part]:
-            raise InputError(f"{path}: {OTHER_JSON[known[0]]}; expected GeoJSON")
         elif isinstance(part.get("features"), list):
             yield from part["features"]
         elif "coordinates" in part or "geometries" in part:
             yield {"geometry": part}
         else:
-            raise InputError(f"{path}: JSON of type {kind} without features; expected GeoJSON")
+            raise InputError(
+                f"{path}: JSON, but no GeoJSON: for Overpass JSON, run osmtogeojson, or choose "
+                "Export, GeoJSON in Overpass Turbo"
+            )
 
 
 def _read(path: Path, number: int, feature: Any) -> tuple[Any, dict[str, str]]:

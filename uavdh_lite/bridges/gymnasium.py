@@ -110,27 +110,22 @@ class DataHarvesting(gymnasium.Env):
             return self.scenario.sample(self.environment, count, generator)
         if not isinstance(start, State) or len(start) != count:
             raise InputError(f"start is {shown(start)}: expected a State of {count} episodes")
-        most_data, most_time = self.scenario.data[1], self.scenario.flying_time[1]
-        if start.time_left.max() > most_time or start.data_initial.max() > most_data:
-            raise InputError(
-                f"start with up to {start.time_left.max()} units of time and "
-                f"{start.data_initial.max():g} of data: the observation space of scenario "
-                f"{self.scenario.name} ends at {most_time} and {most_data:g}"
-            )
-        left, data = start.data_left, start.data_initial
-        if start.ended.any() or not ((left >= 0) & (left <= data)).all() or not data.any(1).all():
-            raise InputError(
-                "start in which an episode is over, has no data, or has data left that is not a "
-                "number from 0 to what there was"
-            )
         environment, city = self.environment, start.city[:, None]
         cells = np.c_[start.uav_cell, start.device_cells]
         known = (cells >= 0) & (cells < environment.size**2)
         known &= (city >= 0) & (city < len(environment.cities))
         if not known.all() or environment.no_fly[city, cells][:, 0].any():
             raise InputError("start with the UAV over a no-fly cell, or in no cell of its city")
-        if (~environment.open_to_devices[city, cells[:, 1:]] & (data > 0)).any():
+        if (~environment.open_to_devices[city, cells[:, 1:]] & (start.data_initial > 0)).any():
             raise InputError("start with a device on a building or in the landing zone")
+        seen = self.observe(start)  # below 0 for odd data
+        parts = [{name: all_[i] for name, all_ in seen.items()} for i in range(count)]
+        inside = all(map(self.observation_space.contains, parts))
+        if start.ended.any() or not start.data_initial.any(axis=1).all() or not inside:
+            raise InputError(
+                f"start that is over, without data, or outside the observation space of scenario "
+                f"{self.scenario.name}: more time or data than it has, or data that is no number"
+            )
         return start
 
     def step(self, action: int) -> tuple[dict, float, bool, bool, dict]:
@@ -182,11 +177,8 @@ class VectorDataHarvesting(VectorEnv):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         **options: Any,
     ):
-        if num_envs < 1 or options.get("render_mode") is not None:
-            raise InputError(
-                f"num_envs is {num_envs}, render_mode {options.get('render_mode')}: a batch has at "
-                "least one episode and is not drawn; vectorization_mode='sync' draws"
-            )
+        if options.pop("render_mode", None) is not None:
+            raise InputError("a batch is not drawn: vectorization_mode='sync' draws")
         self.one = DataHarvesting(**options)
         self.environment, self.observe = self.one.environment, self.one.observe
         self.num_envs, self._mode = num_envs, AutoresetMode(autoreset_mode)
@@ -205,12 +197,10 @@ class VectorDataHarvesting(VectorEnv):
         super().reset(seed=seed)
         if seed is not None:
             _seed(self, seed)
-        rows = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
-        if not isinstance(rows, np.ndarray) or rows.dtype != bool:  # numbers would be indices
-            raise TypeError(f"reset_mask is {shown(rows)}: must be a numpy array of Booleans")
-        if rows.shape != (self.num_envs,) or not rows.any():
-            raise InputError(
-                f"reset_mask is {shown(rows)}: must be ({self.num_envs},), not all False"
+        rows = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
+        if rows.shape != (self.num_envs,) or rows.dtype != bool or not rows.any():
+            raise InputError(  # numbers would be indices
+                f"reset_mask is {shown(rows)}: must be {self.num_envs} Booleans, not all False"
             )
         start = self.one.starts(int(rows.sum()), self.np_random, options)
         self.state = start if rows.all() else _begun(self).with_rows(rows, start)
