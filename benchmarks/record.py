@@ -186,17 +186,9 @@ def _number(value: float) -> float | int | None:
 
 
 def rounded(source: Path, target: Path) -> None:
-    """Copy an agent with its weights rounded to float16.
-
-    Raises `InputError` if that changes a weight by more than rounding does.
-    """
+    """Copy an agent with its weights rounded to float16."""
     tensors, about = load(source, "agent")
     halved = {k: v.half() if v.is_floating_point() else v for k, v in tensors.items()}
-    for name, weight in tensors.items():
-        if weight.is_floating_point():
-            off = (halved[name].float() - weight).abs() > 2**-11 * weight.abs() + 2**-25
-            if off.any():
-                raise InputError(f"{source}: {name} has weights too large for float16")
     save(target, "agent", halved, about)
     load_agent(target)
 

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tables
 import torch
 
 from benchmarks import record
-from uavdh_lite.checkpoint import load_agent, save_agent, shipped_agents
+from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import runs
 from uavdh_lite.recipe import find_recipe
@@ -90,15 +89,6 @@ def test_only_finished_runs_of_a_known_program_are_recorded_under_their_own_name
     refused("other-3: has 1400 of 5200 steps", "HEAD")
 
 
-def test_where_runs_were_begun_is_recorded_and_shown(folder, monkeypatch):
-    monkeypatch.setattr(tables, "RUNS", folder / "runs")
-    record.gather("tiny", folder, "HEAD")
-    assert "begun" not in tables.by_steps("tiny")
-    (folder / "runs/list.toml").write_text(f'{LIST}begun = "seed 3 was begun on an H200"\n')
-    record.gather("tiny", folder, "HEAD")
-    assert "; seed 3 was begun on an H200.\n" in tables.by_steps("tiny")
-
-
 def test_a_study_is_of_today_by_the_digest_that_it_was_recorded_with(folder, monkeypatch):
     record.gather("tiny", folder, "HEAD")
     assert record.state("tiny") == ""
@@ -175,11 +165,3 @@ def test_a_command_makes_its_runs_and_they_are_recorded(folder, monkeypatch):
     monkeypatch.setattr(record, "digest", lambda commit="": "fedcba9876543210")
     with pytest.raises(InputError, match="begun by another program"):
         record.make("tiny")
-
-
-def test_weights_that_do_not_fit_float16_are_refused(folder):
-    agent = load_agent(folder / "one-3/best.safetensors")
-    next(iter(agent.network.parameters())).data[:] = 1e6
-    save_agent(folder / "large.safetensors", agent)
-    with pytest.raises(InputError, match="too large for float16"):
-        record.rounded(folder / "large.safetensors", folder / "half.safetensors")

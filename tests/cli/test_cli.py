@@ -8,7 +8,6 @@ import sys
 from dataclasses import fields, replace
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
 import torch
@@ -21,8 +20,7 @@ from uavdh_lite.city import City
 from uavdh_lite.cli import training
 from uavdh_lite.cli.main import COMMANDS, main
 from uavdh_lite.cli.options import output
-from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import bootstrap_interval, evaluate, mean_interval
+from uavdh_lite.evaluation import bootstrap_interval, mean_interval
 from uavdh_lite.experiments.report import interval_text
 from uavdh_lite.missions import load_mission
 from uavdh_lite.paper import RESULTS
@@ -166,9 +164,7 @@ def test_help_explains_every_field_with_the_value_of_the_recipe_that_is_named(
         ("train --scenario mars", "mars"),
         ("train --recipe secret --help", "secret"),
         ("fly --mission m.json --city village", "leave out --city and --seed"),
-        ("fly --mission m.json --seed 0", "leave out --city and --seed"),
         ("fly --checkpoint any_city", "any_city over 3000 cities: .*--city"),
-        ("fly --out a.pgf", "must end in .png"),
         ("compare --out r.json", "must end in .csv"),
         ("fly --city random:1:0:33", "33 × 33 cells: train one .*, or name one of larger"),
         ("study --variants leak=0,leak=0.5", "gives leak twice"),
@@ -176,25 +172,17 @@ def test_help_explains_every_field_with_the_value_of_the_recipe_that_is_named(
         ("study --variants as_it_is kernel_size=60", "variant 'kernel_size=60': a map of 31×31"),
         ("train --discoun 1", "--discount"),
         ("train --discount nan", "discount is nan"),
-        ("train --learning-rate 1e400", "learning_rate is inf"),
         ("train --kernels 1.5", "--kernels"),
         ("evaluate --seed -1", "--seed"),
-        ("evaluate --episodes 1e9", "--episodes"),
         ("fly --city a\x1b[2J.png", r"a\\x1b\[2J.png: cannot be read"),
-        ("study --variants leak=[[", "leak"),
-        ("train --hidden 16 1.5", "--hidden"),
         ("train --device cuda", "cuda"),
         ("train --failsafe", "--failsafe"),  # `lite` has none
-        ("train fast", "fast"),
-        ("train --city nowhere.png", "nowhere.png"),
         ("evaluate --checkpoint any_city --city harbour", "32"),
         ("export --out a.onnx", "--checkpoint"),
         ("evaluate --checkpoint none.safetensors", "none.safetensors"),
-        ("evaluate --checkpoint manhattan --city metropolis", "metropolis"),
         ("city nowhere.geojson --centre 50", "--centre requires 2"),
         ("dance", "dance"),
         ("", "--help"),
-        ("challenge", "--help"),
         ("challenge score nobody", "nobody"),
         ("app --no-browser --out city.png", "city.png: must end in .html"),
     ],
@@ -231,27 +219,21 @@ def test_what_is_there_is_not_overwritten_unasked(capsys, tmp_path, monkeypatch,
 
 def test_a_default_output_takes_a_free_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert output(None, "a.csv.gz") == Path("a.csv.gz")
     for name in ("a.csv.gz", "a-2.csv.gz"):
+        assert output(None, "a.csv.gz") == Path(name)
         Path(name).touch()
-    assert output(None, "a.csv.gz") == Path("a-3.csv.gz")
 
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ("fly --out file/c.png", "file: File exists"),
-        (
-            "evaluate --city village --episodes 1 --json folder.json",
-            "folder.json: Is a directory",
-        ),
+        ("fly --city village --out file/c.png", "file: File exists"),
         ("fly --mission nowhere.json", "nowhere.json: No such file"),
     ],
 )
 def test_files_give_one_line_and_status_1(capsys, tmp_path, monkeypatch, arguments, named):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
-    (tmp_path / "folder.json").mkdir()
     assert main(arguments.split()) == 1
     error = capsys.readouterr().err
     assert error.startswith(f"uavdh_lite: error: {named}") and error.count("\n") == 1
@@ -271,22 +253,12 @@ def test_city_writes_what_it_made_of_footprints(tmp_path, capsys):
         assert City.load(out).no_fly.any() == tall
 
 
-@pytest.mark.parametrize("allocate", [np.ones, torch.ones, None])
-def test_too_little_memory_and_no_latex_give_one_line_and_status_1(
-    capsys, monkeypatch, tmp_path, allocate
-):
-    if allocate:
-        monkeypatch.setattr("uavdh_lite.city.City.load", lambda name: allocate(2**50))
-    monkeypatch.setitem(matplotlib.rcParams, "text.usetex", True)
-    monkeypatch.setenv("PATH", "")
-    assert main(["fly", "--city", "village", "--out", str(tmp_path / "f.png")]) == 1
-    error = capsys.readouterr().err
-    assert ("memory" if allocate else "latex") in error and error.count("\n") == 1
-
-
-def test_the_name_of_a_file_in_a_folder_is_shown_without_control_characters(capsys, tmp_path):
-    (tmp_path / "a\x1b[2J.png").write_text("no picture")
-    assert r"a\x1b[2J.png: " in failing(capsys, "evaluate", "--city", str(tmp_path))
+def test_too_little_memory_gives_one_line_and_status_1(capsys, monkeypatch):
+    for allocate in (np.ones, torch.ones):
+        monkeypatch.setattr("uavdh_lite.city.City.load", lambda name, make=allocate: make(2**50))
+        assert main(["fly", "--city", "village"]) == 1
+        error = capsys.readouterr().err
+        assert "memory" in error and error.count("\n") == 1
 
 
 def test_nothing_is_said_when_nobody_reads_what_is_printed(capsys, monkeypatch):
@@ -386,17 +358,3 @@ def test_a_shipped_agent_is_what_its_command_says(name, monkeypatch):
     assert begun["seed"] == agent.training["seed"] and begun["scenario"] == agent.scenario.name
     of_then = {**OF_0_3, "kernel_size": agent.recipe.kernel_size}
     assert spelled_out(begun["recipe"]) | of_then == spelled_out(agent.recipe)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("name", "policy"),
-    [("manhattan", "agent"), ("manhattan_ddqn", "manhattan_ddqn"), ("harbour", "agent")],
-)
-def test_shipped_agents_score_what_was_recorded(name, policy):
-    """Where it was recorded to six digits; on another machine within half a point."""
-    agent, metric = load_agent(name), "collected_and_landed"
-    table = read_table(data_folder() / "runs" / f"comparison-{agent.scenario.name}.csv.gz")
-    recorded = table[metric][table["policy"] == policy]
-    flights = evaluate(Environment(agent.city), agent, agent.scenario, len(recorded), seed=0)
-    assert flights.records()[metric].mean() == pytest.approx(recorded.mean(), abs=0.005)

@@ -32,8 +32,8 @@ from uavdh_lite.experiments.study import (
 from uavdh_lite.recipe import LITE, SMALL
 from uavdh_lite.registry import names
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.storage import read_table, write_table
-from uavdh_lite.training import BIN, Trainer
+from uavdh_lite.storage import read_table
+from uavdh_lite.training import Trainer
 
 CHANGES = {"steps": 5120, "validation_interval": 2560, "validation_episodes": 5, "kernels": 2}
 CHANGES |= {"hidden": (8,), "environments": 64, "replay_capacity": 1000, "replay_prefill": 320}
@@ -96,15 +96,6 @@ def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
     assert list(scores) == ["centred", "non_centred"] and scores["non_centred"][1] == last
 
 
-def test_the_scores_are_those_at_the_end_of_each_run_in_the_order_of_the_seeds(tmp_path):
-    rows = [("b", 1, 9, 0.1), ("b", 1, 18, 0.2), ("b", 0, 9, 0.7), ("b", 0, 18, 0.3)]
-    rows += [("a", 0, 9, 0.6), ("a", 0, 18, 0.5)]
-    columns = ("variant", "seed", "steps", "collected_and_landed")
-    table = [dict(zip(columns, row, strict=True)) for row in rows]
-    write_table(tmp_path / "validation.csv", table)
-    assert final_scores(tmp_path / "validation.csv") == {"b": [0.3, 0.2], "a": [0.5]}
-
-
 def test_a_variant_is_the_recipe_with_what_its_text_says():
     texts = ["as_it_is", "pooling=2", "strides=[3,1],kernels=8", "huber_delta=10"]
     texts += ["failsafe=false,discount=0.9", "observation=centred"]
@@ -137,6 +128,7 @@ def training_processes(out):
 
 
 @pytest.mark.long
+@pytest.mark.longest
 def test_a_study_whose_call_was_killed_goes_on_at_the_cluster(tmp_path):
     """Two workers are still at its runs, whose locks they hold, when the third takes one."""
     distributed = pytest.importorskip("dask.distributed")
@@ -188,32 +180,9 @@ def test_two_seeds_of_every_recipe_are_trained_and_drawn(recipe, tmp_path, capsy
     assert (tmp_path / "curves.png").stat().st_size > 5000
 
 
-@pytest.mark.long
-def test_a_study_goes_on_when_the_shell_that_began_it_ends(tmp_path):
-    """With one job the runs are made by the study's own process, whose parent is the shell."""
-    command = " ".join([sys.executable, "-m", "uavdh_lite", *study(tmp_path, "--seeds", "1")])
-    begun = f"until ls {tmp_path}/*/about.json; do sleep 0.05; done"
-    subprocess.run(["sh", "-c", f"{command} > {tmp_path}/log 2>&1 & {begun}"], check=True)
-    for _ in range(600):
-        if (tmp_path / "curves.png").exists():
-            break
-        time.sleep(0.1)
-    assert (tmp_path / "curves.png").exists(), (tmp_path / "log").read_text()
-
-
-def test_a_run_of_the_shortest_curve_takes_one_thread_and_a_shorter_one_is_refused(
-    tmp_path, capsys
-):
+def test_runs_too_short_for_a_curve_are_refused(tmp_path, capsys):
     assert main(study(tmp_path / "a", "--steps", "4000")) == 2
     assert "4000 steps" in capsys.readouterr().err and not (tmp_path / "a").exists()
-    recipe = replace(RECIPE, steps=BIN, environments=50, batch_size=50)
-    torch.set_num_threads(2)
-    try:
-        run_study(find_scenario("village"), {"a": recipe}, 1, tmp_path)
-        assert torch.get_num_threads() == 1
-    finally:
-        torch.set_num_threads(1)
-    assert read_table(tmp_path / "a-0" / "training.csv")["steps"].tolist() == [BIN]
 
 
 def test_two_studies_share_no_folder_and_no_more_do_two_runs(tmp_path, monkeypatch):
@@ -228,7 +197,10 @@ def test_two_studies_share_no_folder_and_no_more_do_two_runs(tmp_path, monkeypat
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGTERM, *(pytest.param(n, marks=pytest.mark.longest) for n in (2, signal.SIGKILL))],
+)
 def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(finished, tmp_path, number):
     """The signal goes to the parent alone, at a random moment; the workers save and end with it."""
     process = subprocess.Popen(
