@@ -140,8 +140,7 @@ import torch
 from torch import nn
 
 torch.set_num_threads(1)  # the networks are small
-ones = np.eye(12)[cell[::3]], np.eye(12)[device[::3]], full[::3, None]
-states = torch.tensor(np.concatenate(ones, axis=1), dtype=torch.float32)
+states = torch.tensor(np.c_[np.eye(12)[cell[::3]], np.eye(12)[device[::3]], full[::3]]).float()
 rewards, discounts = torch.tensor(np.stack([reward, 0.95 * ~landed]), dtype=torch.float32)
 
 # %%
@@ -229,6 +228,15 @@ figure
 # is pulled from one handful of missions to the next, and forgets. That is the likely reason why the
 # runs with this memory fell behind in 11.1.
 #
+# Try it here: *memory of 64* lets two networks learn side by side in your browser, one with the usual
+# memory and one that keeps only the last four steps of each of its 16 UAVs.
+
+# %%
+from uavdh_lite.labs import Lab
+
+Lab(tool="train", city="village")
+
+# %% [markdown]
 # ## 11.4 What the network knows of shadows
 #
 # When training is over, the memory is thrown away, and only the network is kept. What does the
@@ -300,8 +308,7 @@ figure = Figure(figsize=(3.4, 3.4), layout="constrained")
 ax = figure.subplots()
 ax.imshow(maps[0, 2] * (1 + near[0] + 2 * other[0]), cmap=colours, vmin=0, vmax=3)
 ax.plot(15, 15, "^", color="white", mec="black", ms=10)
-row, col = maps[0, 3].nonzero()[0]
-ax.plot(col, row, "X", color=BLUE, mec="white", ms=11)
+ax.plot(*maps[0, 3].nonzero()[0].flip(0), "X", color=BLUE, mec="white", ms=11)
 ax.set(xlim=(8.5, 21.5), ylim=(21.5, 8.5), xticks=range(9, 22, 3), yticks=range(9, 22, 3))
 figure
 

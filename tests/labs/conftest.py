@@ -1,7 +1,10 @@
-"""The modules of the labs in a real browser, without the page around them."""
+"""The modules of the labs in Node and in a real browser, without the page around them."""
 
 import base64
 import json
+import shutil
+import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -18,6 +21,37 @@ TELL = """async ({ base64, ...told }) => {
     await lab.hear(told);
     return answers.findLast(({ kind }) => kind === "scene").scene;
 }"""
+
+
+@pytest.fixture(scope="session")
+def ask():
+    """A function: what `answer` of a module beside this one answers in Node."""
+    if shutil.which("node") is None:
+        pytest.skip("needs node")
+
+    def ask(name: str, question: dict) -> dict:
+        module = json.dumps(Path(__file__).with_name(name).as_uri())
+        program = f"""import {{ answer }} from {module};
+            import {{ readFileSync }} from "node:fs";
+            process.stdout.write(JSON.stringify(await answer(JSON.parse(readFileSync(0)))));"""
+        command = ["node", "--no-warnings", "--input-type=module", "--eval", program]
+        done = subprocess.run(command, input=json.dumps(question), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return ask
+
+
+@pytest.fixture(scope="session")
+def rows_of():
+    """A function: each state of a batch as JSON values."""
+
+    def rows_of(state) -> list[dict]:
+        names = ("uav_cell", "time_left", "device_cells", "data_initial", "data_left")
+        columns = [getattr(state, name).tolist() for name in names]
+        return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+
+    return rows_of
 
 
 @pytest.fixture(scope="module")

@@ -2,18 +2,10 @@
 
 import { checkpoint } from "../../uavdh_lite/labs/checkpoint.js";
 import { Trainer } from "../../uavdh_lite/labs/training.js";
+import { stateOf } from "./twin.js";
 
 const numbers = (tensors, part = "values") =>
   Object.fromEntries(Object.entries(tensors).map(([name, tensor]) => [name, [...tensor[part]]]));
-const stateOf = ({ uav_cell, time_left, device_cells, data_initial, data_left }) => ({
-  uavCell: uav_cell,
-  timeLeft: time_left,
-  deviceCells: Int16Array.from(device_cells),
-  dataInitial: Float32Array.from(data_initial),
-  dataLeft: Float32Array.from(data_left),
-  landed: false,
-});
-
 /** Gradients, weights after some updates with the same batch, and what they began with. */
 function updated({ run, weights, batch, updates }) {
   const trainer = new Trainer(run);
@@ -92,7 +84,7 @@ async function learned({ run, steps, turns = {} }) {
   }
 }
 
-export const answer = async ({ updates, runs }) => ({
+export const answer = async ({ updates = [], runs = [] }) => ({
   updates: updates.map(updated),
   runs: await Promise.all(runs.map(learned)),
 });

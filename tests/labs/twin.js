@@ -5,10 +5,7 @@ import {
   City,
   Environment,
   Mission,
-  Portable,
-  Use,
   lineOfSight,
-  missionFromJson,
   reward,
   safeActions,
   setChannel,
@@ -16,30 +13,20 @@ import {
 
 const bytesOf = (base64) => new Uint8Array(Buffer.from(base64, "base64"));
 
-export function answer({
-  channel,
-  cities,
-  states,
-  sight,
-  agents,
-  missions,
-  numbers,
-  files,
-  texts,
-  pictures,
-}) {
+export const stateOf = ({ uav_cell, time_left, device_cells, data_initial, data_left }) => ({
+  uavCell: uav_cell,
+  timeLeft: time_left,
+  deviceCells: Int16Array.from(device_cells),
+  dataInitial: Float32Array.from(data_initial),
+  dataLeft: Float32Array.from(data_left),
+  landed: false,
+});
+
+export function answer({ channel, cities, states, sight, agents, missions }) {
   setChannel(channel);
   const places = cities.map(
     ({ name, rows }) => new Environment(City.fromText(name, rows.join("\n"))),
   );
-  const stateOf = ({ uav_cell, time_left, device_cells, data_initial, data_left }) => ({
-    uavCell: uav_cell,
-    timeLeft: time_left,
-    deviceCells: Int16Array.from(device_cells),
-    dataInitial: Float32Array.from(data_initial),
-    dataLeft: Float32Array.from(data_left),
-    landed: false,
-  });
   const stepped = states.map(({ city, action, fading, ...values }) => {
     const [environment, state] = [places[city], stateOf(values)];
     const draws = Float32Array.from(fading);
@@ -77,24 +64,5 @@ export function answer({
     const random = mission.fly(places[city], new Random(seed)).action;
     return { mission: mission.asJson(), action, reward, random, left: [...flight.dataLeft.at(-1)] };
   });
-  const generator = new Portable(Use.FADING, numbers.seed);
-  const drawn = Array.from({ length: numbers.count }, () => [
-    generator.random(),
-    generator.integers(3, 9),
-    generator.standardNormal(),
-  ]);
-  const refusal = (read) => {
-    try {
-      read();
-      return null;
-    } catch (error) {
-      return error.message;
-    }
-  };
-  const refused = {
-    files: files.map((values) => refusal(() => missionFromJson(values))),
-    texts: texts.map((text) => refusal(() => City.fromText("it", text))),
-    pictures: pictures.map((each) => refusal(() => City.fromPixels("it", ...each))),
-  };
-  return { stepped, seen, valued, flown, drawn, refused };
+  return { stepped, seen, valued, flown };
 }

@@ -187,7 +187,7 @@ function chart({ flights, devices }, who, part) {
   const told = flights.map((flight, k) => `${who[k].title}: ${flight.ending}`).join(" ");
   return `<svg class="chart" viewBox="0 0 ${WIDTH} ${HEIGHT}" data-steps="${steps}" role="img" aria-label="data in hand over time. ${escaped(told)}">
     <path class="axis" d="M${LEFT} ${MIDDLE}H${WIDTH - RIGHT}"/>${areas.join("")}${parts}<path class="now"/>
-    <text class="about" x="${WIDTH - RIGHT}" y="${HEIGHT - 4}">step ${steps}</text></svg>`;
+    <text class="about" x="${WIDTH - RIGHT}" y="${HEIGHT - 4}">data in hand, ${steps} steps</text></svg>`;
 }
 
 const points = (mean) => `${mean < 0 ? "−" : "+"}${Math.abs(mean).toFixed(1)}`;

@@ -24,22 +24,10 @@ const LONG = ["many", "duel"]; // they show how far they are, and others do not 
 const SLOW = 300; // ms without an answer after which a word is due
 const KEEP = 300; // ms from a change until the address says it
 const STORY = [
-  [
-    "fly",
-    "A drone hears devices by radio: the nearer the better, and hardly behind buildings. It must land on blue in time, or all is lost.",
-  ],
-  [
-    "compare",
-    "Orange is greedy, a rule: fly to the nearest device. Blue is a neural network that learned by trial and error. Watch them part.",
-  ],
-  [
-    "think",
-    "Bars show what the network expects of each action. Take a device away, and see whether it still wants the same.",
-  ],
-  [
-    "fly",
-    "Your turn: bring home more than the pale ghost, which is greedy. Later, train a network of your own.",
-  ],
+  ["fly", "A drone hears devices by radio, hardly behind buildings. It must land on blue in time."],
+  ["compare", "Orange flies to the nearest device. Blue is a neural network that has learned."],
+  ["think", "Bars: what the network expects of each action. Take a device away: what changes?"],
+  ["fly", "Your turn: beat the pale ghost, greedy. Later, train a network of your own."],
 ];
 
 const page = (tools) => `<div class="main">
@@ -278,13 +266,12 @@ export function draw(el, model) {
       ([name, value]) => `[data-${name}="${CSS.escape(value)}"]`,
     );
     const where = focused.closest("svg") ? "svg " : focused.closest(".side") ? ".side " : "";
-    const same = focused.matches(".map svg")
-      ? ".map svg"
-      : where + (places.join("") || `.${focused.classList[0] ?? "add"}`);
+    const own = focused.classList[0] ? `.${focused.classList[0]}` : "#panel";
+    const same = focused.matches(".map svg") ? ".map svg" : where + (places.join("") || own);
     const lost = () => !el.contains(document.activeElement) || document.activeElement.disabled;
     const or = focused.closest(".drawer") ? ".add" : "#panel";
     return () => {
-      for (const each of [same, or]) if (lost()) find(each)?.focus({ preventScroll: true });
+      for (const each of [same, own, or]) if (lost()) find(each)?.focus({ preventScroll: true });
     };
   }
 

@@ -73,15 +73,15 @@ export const THINK = {
       const there = away || whatIf.moved[k];
       const told = { kind: "whatIf", device: k, away: !there };
       return `<tr style="--colour: ${colour}"><th scope="row">device ${number}</th><td><i class="worth" data-worth="${k}"></i></td>
-        <td class="amount" data-amount="${k}"></td><td>${button(there ? "put back" : "take away", told, `aria-label="${there ? "put back" : "take away"} device ${number}"`)}</td></tr>`;
+        <td class="amount" data-amount="${k}"></td><td>${button(there ? "put back" : "take away", told, `class="try-${k}" aria-label="${there ? "put back" : "take away"} device ${number}"`)}</td></tr>`;
     };
     const look = (name, text) => `<label><input type="checkbox" data-set="${name}"
         ${state.looks[name] ? "checked" : ""}> ${text}</label>`;
     return `<h2 class="chosen" aria-live="polite"></h2>
       <svg class="rose" viewBox="-4.7 -3.1 9.4 6.2" role="img" aria-label="${panel.number}s of the actions"></svg>
       <p class="cause"></p>
-      <table class="worths"><caption>${panel.number} lost without it</caption>${film.devices.map(row).join("")}</table>
-      <div class="row"><label>time <input type="range" data-set="whatif-time" min="-${RANGE}" max="${RANGE}" value="${whatIf.time}"
+      <table class="worths"><caption>worth: ${panel.number} lost without it</caption>${film.devices.map(row).join("")}</table>
+      <div class="row"><label>what if: time <input type="range" data-set="whatif-time" min="-${RANGE}" max="${RANGE}" value="${whatIf.time}"
         aria-label="units of time more or less"></label><output class="time">${whatIf.time > 0 ? "+" : ""}${whatIf.time}</output>
         ${edited ? button("As it was", { kind: "whatIf", clear: true }) : "<small>or drag a device</small>"}</div>
       <div class="row">${look("centred", "see as it does, centred")}${look("value", "value of each cell")}
@@ -155,14 +155,7 @@ export const THINK = {
   },
 };
 
-const WAYS = [
-  [0, -1],
-  [1, 0],
-  [0, 1],
-  [-1, 0],
-  [0.72, -0.72],
-  [0.72, 0.72],
-]; // of the bars, in the order of the actions
+const WAYS = { right: [0, 1, 0, -1, 0.72, 0.72], down: [-1, 0, 1, 0, -0.72, 0.72] }; // of the bars
 /** Bars around the UAV, from the worst allowed action to the best; `before` as thin lines. */
 export function rose(values, before, labelled) {
   const known = [...values, ...(before ?? [])].filter((each) => each !== null);
@@ -170,12 +163,12 @@ export function rose(values, before, labelled) {
   const best = bestOf(values.map((each) => each ?? -Infinity));
   const length = (value) => 0.15 + (1.5 * (value - low)) / (high - low || 1);
   const bar = (value, k, about) => {
-    const [right, down] = WAYS[k];
+    const [right, down] = [WAYS.right[k], WAYS.down[k]];
     const end = 0.55 + length(value);
     return `<path ${about} d="M${0.55 * right} ${0.55 * down}L${end * right} ${end * down}"/>`;
   };
   const drawn = values.map((value, k) => {
-    const [right, down] = WAYS[k];
+    const [right, down] = [WAYS.right[k], WAYS.down[k]];
     const line = value === null ? "" : bar(value, k, `class="${k === best ? "best" : ""}"`);
     const old = before && before[k] !== null ? bar(before[k], k, 'class="before"') : "";
     if (!labelled) return line;

@@ -11,6 +11,7 @@ const RUNS = ["blue", "orange"];
 const LARGEST = 8; // cells on a side of the cities in which it learns
 const PAST = 8; // earlier runs whose curves stay, faint
 const PATIENCE = 300; // s of learning from which on a device is called slow
+const IN_PLACE = { observation: "non_centred" };
 const SCALES = { data_scale: 20, time_scale: 10 };
 const crash = (crash_reward, crash_reward_end = null) => ({ crash_reward, crash_reward_end });
 const each = (field, ...values) =>
@@ -42,7 +43,7 @@ const DIALS = {
   ],
   memory: each("replay_capacity", 64, 1000, 10_000, 40_000),
   "return steps": each("return_steps", 1, 2, 3, 5, 10),
-  map: stops("in place", { observation: "non_centred" }, "centred", { observation: "centred" }),
+  map: stops("in place", IN_PLACE, "centred", { observation: "centred" }),
   "input scales": toggle({ data_scale: 1, time_scale: 1 }, SCALES),
   "layer norm": toggle({ layer_norm: false }, { layer_norm: true }),
   steps: each("steps", 6000, 48_000, 144_000),
@@ -54,11 +55,8 @@ const TRIES = {
   "frozen target": [{}, { frozen: true }, "Its goals stand still. How far does it come?"],
   "no punishment": [{}, crash(0), "Crashing costs nothing. Will it come home?"],
   "memory of 64": [{}, { replay_capacity: 64 }, "It learns from the last four steps alone."],
-  "in place": [
-    { observation: "non_centred" },
-    { observation: "non_centred", ...SCALES },
-    "Nothing is centred. Do input scales help?",
-  ],
+  "in place": [{}, IN_PLACE, "The orange one's map is not centred. What did centring do?"],
+  "in place, scaled": [{}, { ...IN_PLACE, ...SCALES }, "Not centred, but with input scales."],
   "γ 0.5": [{}, { discount: 0.5 }, "What is far away hardly counts."],
 };
 
@@ -73,8 +71,9 @@ const CURVES = {
 
 const runs = []; // those that learn: dials, points, worker and what it told last
 const past = []; // points of earlier runs
+const BEGIN = "Press Learn: a network learns by trial and error.";
 let bench = null; // the panel's content, which keeps its focus while the panel is written anew
-let [stage, chosen, told, wanted, asked] = [null, 0, "", null, 0];
+let [stage, chosen, told, wanted, asked] = [null, 0, BEGIN, null, 0];
 let drawn = ["", ""]; // under and over the map, until they are known anew
 
 const OWN = { double: true, frozen: false, seed: 0, steps: 48_000 }; // what the recipe has not

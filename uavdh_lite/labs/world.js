@@ -284,14 +284,7 @@ export function rate(snrDb) {
 
 export const ACTIONS = ["north", "east", "south", "west", "hover", "land"];
 export const [NORTH, EAST, SOUTH, WEST, HOVER, LAND] = ACTIONS.keys();
-const MOVES = [
-  [-1, 0],
-  [0, 1],
-  [1, 0],
-  [0, -1],
-  [0, 0],
-  [0, 0],
-]; // row, column
+const MOVES = { row: [-1, 0, 1, 0, 0, 0], col: [0, 1, 0, -1, 0, 0] };
 export const NO_PATH = 32767; // stands for the number of moves where no path leads
 
 /**
@@ -340,7 +333,8 @@ export class Environment {
 
   /** Where an action leads, or null off the grid. */
   target(cell, action) {
-    const [row, col] = this.city.position(cell).map((axis, i) => axis + MOVES[action][i]);
+    const here = this.city.position(cell);
+    const [row, col] = [here[0] + MOVES.row[action], here[1] + MOVES.col[action]];
     const inside = Math.min(row, col) >= 0 && Math.max(row, col) < this.size;
     return inside ? row * this.size + col : null;
   }
