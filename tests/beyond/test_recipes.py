@@ -107,7 +107,7 @@ def test_an_imitation_is_trained_by_what_it_names_and_nothing_else():
 
 
 def test_two_resolutions_need_the_centred_map_and_the_middle_of_a_small_one_is_all_of_it():
-    with pytest.raises(InputError, match="found non_centred"):
+    with pytest.raises(InputError, match="pooling needs"):
         replace(TOLD, observation="non_centred")
     assert replace(TOLD, observation="non_centred", pooling=0).told
     recipe = replace(TOLD, local_size=17, strides=(1,))

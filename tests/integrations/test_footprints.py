@@ -164,7 +164,7 @@ OTHERS = {
     "deep": ("[" * 100_000, "not JSON"),
     "half a line": ('{"type": "Feature", "geometry": null}\n{"type": ', "not JSON"),
     "numbers": ("[1, 2]", "no GeoJSON"),
-    "no features": ([], "no buildings.*there are none"),
+    "no features": ([], "no buildings among its features"),
     "parks": (in_row(PARK, {"building": None}), "no buildings.*2 left out: no building"),
     "empty rings": ([feature("Polygon", []), feature("Point", [8, 50])], "2 left out: a point"),
     "no polygon": ([square(0, 0, 10), {"geometry": 7}], "feature 1 is broken"),
@@ -296,9 +296,7 @@ def test_the_landing_zone_is_free_and_near_the_point_and_not_in_a_courtyard(made
         city_of_shares("full", 1 - np.eye(1), np.zeros((1, 1)), 2)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"centre": (95.0, 8.0)}, {"landing": (8.0, 200.0)}, {"cells": 1}, {"assumed_m": -1.0}]
-)
+@pytest.mark.parametrize("wrong", [{"cells": 1}, {"assumed_m": -1.0}, {"centre": (1.0,)}])
 def test_bad_options_are_named(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
         Raster(**{"centre": CENTRE, **wrong})

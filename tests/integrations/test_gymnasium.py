@@ -15,7 +15,7 @@ from numpy.testing import assert_equal
 
 from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.beyond.failsafe import SafeEnvironment
-from uavdh_lite.bridges.gymnasium import ID, DataHarvesting, as_policy
+from uavdh_lite.bridges.gymnasium import ID, as_policy
 from uavdh_lite.channel import Channel
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER, LAND, NORTH, Environment, Rewards, State
@@ -249,8 +249,6 @@ def test_what_a_batch_cannot_do_is_refused():
         env.reset(options=in_the_corner(9))
     with pytest.raises(InputError, match="a batch is not drawn"):
         batch(2, render_mode="rgb_array")
-    with pytest.raises(InputError, match=r"render_mode 'human': must be None or rgb_array"):
-        DataHarvesting("village", render_mode="human")
 
 
 @pytest.mark.parametrize("masked", [False, True])

@@ -267,10 +267,11 @@ class CityGenerator:
 
     def __post_init__(self):
         require(self, "cities")
-        if self.smallest is not None and self.smallest > self.size:
-            raise InputError(f"cities of {self.smallest} to {self.size} cells: write 8-16, say")
-        if not self.kinds or not set(self.kinds) <= set(BUILDERS):
-            raise InputError(f"kinds of city {self.kinds}: choose from {', '.join(BUILDERS)}")
+        if (self.smallest or 0) > self.size or not set(self.kinds) <= set(BUILDERS):
+            raise InputError(
+                f"cities of {self.smallest} to {self.size} cells, of the kinds {self.kinds}: write "
+                f"8-16, say, and kinds of {', '.join(BUILDERS)}"
+            )
 
     def draw(self, count: int, seed: int) -> tuple[City, ...]:
         """The first `count` cities of this seed; more of them begin with the same ones."""
@@ -289,21 +290,15 @@ class CityGenerator:
 
 
 def random_cities(name: str) -> tuple[City, ...]:
-    """The cities of `COUNT:SEED`, or of `COUNT:SEED:SIZE` or `COUNT:SEED:SMALLEST-SIZE` with this
-    many cells on a side.
-
-    Raises `CityError` for anything else.
-    """
+    """The cities of `COUNT:SEED`, or with so many cells on a side of `COUNT:SEED:SIZE` or
+    `COUNT:SEED:SMALLEST-SIZE`; raises `CityError` for anything else."""
     found = re.fullmatch(r"(\d{1,9}):(\d{1,19})(?::(?:(\d{1,9})-)?(\d{1,9}))?", name)
     if found is None:
         raise CityError(
             f"random:{name:.80}: write random:COUNT:SEED, random:COUNT:SEED:SIZE or 8-SIZE"
         )
-    count, seed, smallest, size = found.groups()
-    generator = CityGenerator(
-        int(size or CityGenerator.size), smallest=int(smallest) if smallest else None
-    )
-    return generator.draw(int(count), int(seed))
+    count, seed, smallest, size = (int(part or 0) for part in found.groups())
+    return CityGenerator(size or CityGenerator.size, smallest=smallest or None).draw(count, seed)
 
 
 ANY_CITY = Scenario(

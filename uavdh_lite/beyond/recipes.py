@@ -41,10 +41,7 @@ class BeyondRecipe(Recipe):
     def __post_init__(self):
         super().__post_init__()
         if self.observation != "centred" and self.pooling:
-            raise InputError(
-                f"recipe {self.name}: pooling needs the observation centred, found "
-                f"{self.observation}"
-            )
+            raise InputError(f"recipe {self.name}: pooling needs the observation centred")
 
     def environment_for(
         self, city: City | tuple[City, ...], channel: Channel | None = None
@@ -54,13 +51,8 @@ class BeyondRecipe(Recipe):
         return super().environment_for(city, channel)
 
     def observation_for(self, environment: Environment, size: int = 0) -> Observation:
-        kinds = {
-            (False, False): Observation,
-            (True, False): SafeObservation,
-            (False, True): ToldObservation,
-            (True, True): SafeToldObservation,
-        }
-        kind = kinds[self.failsafe, self.told]
+        kinds = Observation, ToldObservation, SafeObservation, SafeToldObservation
+        kind = kinds[2 * self.failsafe + self.told]
         return kind(environment, self.observation, self.data_scale, self.time_scale, size)
 
     def network_for(self, observation: Observation) -> nn.Module:

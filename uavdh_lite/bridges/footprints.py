@@ -68,10 +68,6 @@ class Raster:
 
     def __post_init__(self):
         require(self, "footprints")
-        for name in ("centre", "landing"):
-            place = getattr(self, name)
-            if place is not None and not (abs(place[0]) < 90 and abs(place[1]) <= 180):
-                raise InputError(f"footprints: {name} is {place}: give latitude, then longitude")
 
     def cells_of(self, degrees: np.ndarray) -> np.ndarray:
         """Points (..., 2) of longitude and latitude, as column and row; whole numbers are the
@@ -150,7 +146,7 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
     fate[fate == ""] = used
     if not (fate == used).any():
         found = ", ".join(f"{number} {why}" for why, number in Counter(fate).items())
-        raise InputError(f"{path}: no buildings among its features ({found or 'there are none'})")
+        raise InputError(f"{path}: no buildings among its features ({found})")
     corners = shapely.get_coordinates(shapes[fate == used])
     east, north = np.abs(corners).max(axis=0)
     if east > 360 or north > 90:

@@ -76,8 +76,6 @@ class DataHarvesting(gymnasium.Env):
             load_cities(self.scenario.city), self.scenario.channel
         )
         self.rewards, self.render_mode = rewards, render_mode
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError(f"render_mode {render_mode!r}: must be None or rgb_array")
         most_data, most_time = self.scenario.data[1], self.scenario.flying_time[1]
         self._observation = Observation(self.environment, observation, most_data, most_time)
         shapes = {"map": self._observation.map_shape, "time": (1,)}
@@ -91,6 +89,9 @@ class DataHarvesting(gymnasium.Env):
         map, time = self._observation(state)
         return {"map": map.numpy(), "time": time.numpy()}
 
+    def _seen(self) -> dict[str, np.ndarray]:
+        return {name: array[0] for name, array in self.observe(_begun(self)).items()}
+
     def action_masks(self) -> np.ndarray:
         """The actions that the safety controller would not replace; (6,) bool."""
         return self.environment.allowed_actions(_begun(self))[0]
@@ -101,7 +102,7 @@ class DataHarvesting(gymnasium.Env):
             _seed(self, seed)
         self.state = self._start = self.starts(1, self.np_random, options)
         self._history: list[Step] = []
-        return _row(self.observe(self.state)), _values(_info(self.state))
+        return self._seen(), _values(_info(self.state))
 
     def starts(self, count: int, generator: np.random.Generator, options: dict | None) -> State:
         """The first states of so many episodes: those of the options, or else drawn."""
@@ -133,8 +134,8 @@ class DataHarvesting(gymnasium.Env):
         self.state, outcome = self.environment.step(before, actions, self.np_random)
         reward = self.rewards(outcome)
         self._history.append(Step(before, actions, outcome, reward))
-        seen, info = self.observe(self.state), _info(self.state) | outcome.counts()
-        return _row(seen), float(reward[0]), bool(self.state.ended[0]), False, _values(info)
+        info = _info(self.state) | outcome.counts()
+        return self._seen(), float(reward[0]), bool(self.state.ended[0]), False, _values(info)
 
     def render(self) -> np.ndarray | None:
         """The flight so far, an (height, width, 3) uint8 picture; None without a render mode."""
@@ -257,10 +258,6 @@ def _info(state: State) -> dict[str, np.ndarray]:
         "collected_and_landed": collected * state.landed,
         "time_left": state.time_left.astype(int),
     }
-
-
-def _row(arrays: dict) -> dict:
-    return {name: array[0] for name, array in arrays.items()}
 
 
 def _values(arrays: dict) -> dict:

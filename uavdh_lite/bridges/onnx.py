@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.export.dynamic_shapes import ShapesCollection
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.environment import ACTIONS
@@ -32,10 +31,9 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     The file's metadata says how to make the inputs: a JSON with the order of the actions, the side
     of the largest city, and the recipe with its scales.
 
-    ONNX Runtime and the agent are asked about random states under way. Their Q-values may differ by
-    at most `TOLERANCE`, and they must choose the same action wherever the best two Q-values differ
-    by more. Otherwise nothing is written, and `InputError` is raised. `MissingExtra` says which of
-    onnx, onnxscript and onnxruntime is not installed.
+    ONNX Runtime and the agent are asked about random states under way. If their Q-values differ by
+    more than `TOLERANCE`, nothing is written, and `InputError` is raised. `MissingExtra` says which
+    of onnx, onnxscript and onnxruntime is not installed.
     """
     with extra("onnx"):
         import onnx
@@ -55,14 +53,8 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     both = answered, agent.q_values(state).numpy()
     answered, expected = (np.maximum(q, -1e9) for q in both)  # −∞ cannot be subtracted
     largest = float(np.abs(answered - expected).max())
-    best_two = np.sort(expected, axis=1)[:, -2:]
-    clear = best_two[:, 1] - best_two[:, 0] > TOLERANCE
-    agree = answered.argmax(1) == expected.argmax(1)
-    if largest > TOLERANCE or not agree[clear].all():
-        raise InputError(
-            f"{path}: not written, ONNX Runtime decides otherwise in {(~agree).sum()} of {states} "
-            f"states; Q-values differ by up to {largest:.2g}"
-        )
+    if largest > TOLERANCE:
+        raise InputError(f"{path}: not written: ONNX Runtime's Q-values differ by {largest:.2g}")
     write_atomically(path, lambda temporary: temporary.write_bytes(content))
     return largest
 
@@ -70,9 +62,7 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
 def _model(network: nn.Module, inputs: dict[str, Tensor]):
     """The network as an ONNX model for batches of any size."""
     examples = tuple(part[:2] for part in inputs.values())
-    shapes, batch = ShapesCollection(), torch.export.Dim("batch")
-    for example in examples:
-        shapes[example] = {0: batch}
+    batch = torch.export.Dim("batch")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of torch's exporter, about its own parts
         program = torch.onnx.export(
@@ -80,7 +70,7 @@ def _model(network: nn.Module, inputs: dict[str, Tensor]):
             examples,
             input_names=list(inputs),
             output_names=["q_values"],
-            dynamic_shapes=shapes.dynamic_shapes(network, examples),
+            dynamic_shapes=tuple({0: batch} for _ in examples),
             dynamo=True,
             verbose=False,
         )
