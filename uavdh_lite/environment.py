@@ -2,8 +2,8 @@
 
 Nothing here knows about learning, and nothing loops over the batch: every array has the batch as
 its first axis. B is the batch size, K the number of places for devices, δ the number of
-communication slots in a mission slot, C the number of cities, M the number of cells on a side, n
-the number of cells, M².
+communication slots in a mission slot, M the number of cells on a side, n the number of cells, M²,
+and C the number of cities: 1, unless an agent is to learn for many.
 """
 
 from dataclasses import dataclass, replace
@@ -147,16 +147,6 @@ class Rewards:
 REPORTED = Rewards()  # of every return that is reported, whatever an agent learns from
 
 
-def _layer(name: str, meaning: str) -> "cached_property[np.ndarray]":
-    """A property of an environment: this layer of all its cities."""
-
-    def layer(environment: "Environment") -> np.ndarray:
-        return read_only(np.stack([getattr(city, name).ravel() for city in environment.cities]))
-
-    layer.__doc__ = meaning
-    return cached_property(layer)
-
-
 @dataclass(frozen=True, eq=False)
 class Environment:
     """A UAV over a city collects data from devices on the ground and must land in time.
@@ -180,11 +170,12 @@ class Environment:
     The environment returns an `Outcome`; `Rewards` computes the reward from it.
 
     ### Several cities
-    With a tuple of cities, each episode of a batch is in one of them, and goes on as it would over
-    that city alone. All tables have the cities as their first axis. A smaller city lies in no-fly
-    cells, so that all have one shape.
+    Over one city, C is 1 and an index of 0 in front of a table is all there is to know. With a
+    tuple of cities, each episode of a batch is in one of them, and goes on as it would over that
+    city alone: tables have the cities as their first axis. A smaller city lies in no-fly cells, so
+    that all have one shape.
 
-    Raises `InputError` for anything but cities and a channel.
+    Raises `InputError` for anything but cities.
 
     Reference: Bayerlein et al., Globecom 2020, sections II and III.
     """
@@ -202,8 +193,6 @@ class Environment:
                     f"an environment takes a City or a tuple of them, here is {shown(city)}: "
                     "City.load reads one by its name or from a PNG"
                 )
-        if not isinstance(self.channel, Channel):
-            raise InputError(f"an environment's channel is a Channel, here is {self.channel!r}")
 
     @cached_property
     def cities(self) -> tuple[City, ...]:
@@ -221,14 +210,33 @@ class Environment:
         """The environment of one of the cities alone; its cells keep their numbers."""
         return replace(self, city=self.cities[index]) if len(self.cities) > 1 else self
 
-    landing = _layer("landing", "The start and landing zones; (C, n) bool.")
-    no_fly = _layer("no_fly", "The cells that the UAV may not enter; (C, n) bool.")
-    buildings = _layer("buildings", "The cells that block radio links; (C, n) bool.")
-    open_to_devices = _layer("open_to_devices", "Where a device may stand; (C, n) bool.")
-    landing_distance = _layer(
-        "landing_distance",
-        "Moves to the nearest landing cell, −1 if there is no path; (C, n) ints.",
-    )
+    @cached_property
+    def landing(self) -> np.ndarray:
+        """The start and landing zones; (C, n) bool."""
+        return self._layer("landing")
+
+    @cached_property
+    def no_fly(self) -> np.ndarray:
+        """The cells that the UAV may not enter; (C, n) bool."""
+        return self._layer("no_fly")
+
+    @cached_property
+    def buildings(self) -> np.ndarray:
+        """The cells that block radio links; (C, n) bool."""
+        return self._layer("buildings")
+
+    @cached_property
+    def open_to_devices(self) -> np.ndarray:
+        """Where a device may stand; (C, n) bool."""
+        return self._layer("open_to_devices")
+
+    @cached_property
+    def landing_distance(self) -> np.ndarray:
+        """Moves to the nearest landing cell, −1 if there is no path; (C, n) ints."""
+        return self._layer("landing_distance")
+
+    def _layer(self, name: str) -> np.ndarray:
+        return read_only(np.stack([getattr(city, name).ravel() for city in self.cities]))
 
     @cached_property
     def sight(self) -> np.ndarray:
@@ -349,21 +357,24 @@ class Environment:
             next_cell: (B,), the UAV's cell after the step: the same, or a neighbour.
             fading: (B, δ, K), standard normal; 0 gives the mean.
         """
-        channel = self.channel
-        share = np.arange(1, channel.slots + 1, dtype=np.float32) / np.float32(channel.slots)
-        nearest = np.where(share < 0.5, state.uav_cell[:, None], next_cell[:, None])  # (B, δ)
+        squared_distance_m2, sight = self._links(state, next_cell)
+        return (
+            self.transmit_snr_db[state.city[:, None, None]]
+            - self.channel.path_loss_db(squared_distance_m2, sight)
+            + self.channel.fading_db(fading, sight)
+        )
+
+    def _links(self, state: State, next_cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Squared distance, m², and line of sight from the UAV to each device; (B, δ, K) each."""
+        slots = self.channel.slots
+        share = np.arange(1, slots + 1, dtype=np.float32) / np.float32(slots)
         start, end = self._centres_m[:, state.uav_cell], self._centres_m[:, next_cell]  # (2, B)
         uav_m = start[..., None] + share * (end - start)[..., None]  # (2, B, δ)
         device_m = self._centres_m[:, state.device_cells]  # (2, B, K)
-        down, right = device_m[:, :, None, :] - uav_m[..., None]  # (B, δ, K) each
-        squared_distance_m2 = np.float32(channel.altitude_m**2) + down**2 + right**2
-        city = state.city[:, None, None]
-        sight = self.sight[city, state.device_cells[:, None, :], nearest[:, :, None]]
-        return (
-            self.transmit_snr_db[city]
-            - channel.path_loss_db(squared_distance_m2, sight)
-            + channel.fading_db(fading, sight)
-        )
+        down, right = device_m[:, :, None, :] - uav_m[..., None]
+        nearest = np.where(share < 0.5, state.uav_cell[:, None], next_cell[:, None])  # (B, δ)
+        link = state.city[:, None, None], state.device_cells[:, None, :], nearest[:, :, None]
+        return np.float32(self.channel.altitude_m**2) + down**2 + right**2, self.sight[link]
 
     def rate_map(self, device_cell: int, city: int = 0) -> np.ndarray:
         """Data units per slot, without fading, from a device to a UAV hovering over a cell; (M, M).

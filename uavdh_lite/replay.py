@@ -54,8 +54,8 @@ class Replay:
     ):
         self.discount, self.return_steps = np.float32(discount), return_steps
         # More: n − 1 steps that do not count yet, and the newest state, which has no action yet
-        steps = -(-capacity // environments) + return_steps
-        lead, devices = (steps, environments), (steps, environments, max_devices)
+        rows = -(-capacity // environments) + return_steps
+        lead, devices = (rows, environments), (rows, environments, max_devices)
         self.states: dict[str, np.ndarray] = {
             "uav_cell": np.zeros(lead, np.int16),
             "time_left": np.zeros(lead, np.int16),
@@ -68,10 +68,11 @@ class Replay:
         self.action = np.zeros(lead, np.int8)
         self.reward = np.zeros(lead, np.float32)
         self.terminal = np.zeros(lead, bool)
-        # age (n = 3)   …  1    0    –    –    none    the transition that begins with this state;
-        # step          …  –4   –3   –2   –1   head    until its n steps are stored it has no age
-        self.head = 0  # where the newest state is, which has no action yet
-        self.filled = 0  # steps stored
+        # The ring for n = 3: each row holds the states of one step, the newest one at `head`.
+        #     age of a row   …   5    4    3  |  2    1    0 = head, whose states have no action yet
+        #     can be drawn   …  yes  yes  yes |  no   no   no
+        self.head = 0
+        self.filled = 0  # rows with an action
 
     def __len__(self) -> int:
         """The number of transitions that can be drawn."""
@@ -107,12 +108,13 @@ class Replay:
         self._write(self.head, next_state)
         self.filled = min(self.filled + 1, len(self.action) - 1)
 
-    def _write(self, step: int, state: State) -> None:
+    def _write(self, row: int, state: State) -> None:
         for name, array in self.states.items():
-            array[step] = getattr(state, name)
+            array[row] = getattr(state, name)
 
-    def _read(self, step: np.ndarray, column: np.ndarray) -> State:
-        return State(**{name: array[step, column] for name, array in self.states.items()})
+    def _read(self, row: np.ndarray, column: np.ndarray) -> State:
+        row = row % len(self.action)
+        return State(**{name: array[row, column] for name, array in self.states.items()})
 
     def sample(self, size: int, generator: np.random.Generator) -> Batch:
         """Draw `size` different transitions: the newest of each environment, then others uniformly.
@@ -122,15 +124,14 @@ class Replay:
         environments = self.action.shape[1]
         older = generator.choice(len(self) - environments, size - environments, replace=False)
         age, column = np.divmod(np.r_[:environments, older + environments], environments)
-
-        first = self.head - self.return_steps - age
+        first = self.head - self.return_steps - age  # the youngest age that can be drawn is n
         reward, discount = np.zeros(size, np.float32), np.ones(size, np.float32)
         steps = np.zeros(size, int)
         for k in range(self.return_steps):
-            here = (first + k) % len(self.action)
-            reward += discount * self.reward[here, column]
+            row = (first + k) % len(self.action)
+            reward += discount * self.reward[row, column]
             steps += discount > 0
-            discount *= self.discount * ~self.terminal[here, column]
-        first, last = first % len(self.action), (first + steps) % len(self.action)
-        action = self.action[first, column].astype(np.int64)
-        return Batch(self._read(first, column), action, reward, discount, self._read(last, column))
+            discount *= self.discount * ~self.terminal[row, column]
+        action = self.action[first % len(self.action), column].astype(np.int64)
+        state, next_state = self._read(first, column), self._read(first + steps, column)
+        return Batch(state, action, reward, discount, next_state)

@@ -274,7 +274,6 @@ def test_states_are_taken_apart_and_put_together(generator):
         ((None,), "here is None"),
         (((CITY, "village"),), "here is 'village'"),
         (((),), "0 cities: an environment takes 1 to"),
-        ((CITY, 3), "channel is a Channel, here is 3"),
     ],
 )
 def test_what_is_no_city_is_refused_at_once(given, named):
