@@ -274,9 +274,6 @@ def _read_kinds(path: Path) -> np.ndarray:
         raise
     except Exception:  # Pillow raises many types for damaged files
         raise CityError(f"{path}: not a readable PNG file, or a damaged one") from None
-    brightest = pixels[..., :3].max()
-    if 0 < brightest <= OFF:
-        raise CityError(f"{path}: its brightest value is {brightest}, must be 255: scale all up")
     on, off = pixels[..., :3] >= ON, pixels[..., :3] <= OFF
     matches = (on[:, :, None] == (COLOURS > 0)).all(-1)
     clear = (on | off).all(-1) & (pixels[..., 3] == 255)

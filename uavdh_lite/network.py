@@ -53,7 +53,6 @@ class QNetwork(nn.Module):
             channels, self.frame.side, kernels, kernel_size, strides, leak
         )
         self.head = fully_connected(features + 1, hidden, layer_norm, leak)
-        self.float()  # whatever torch's default is: maps are float32
 
     def forward(self, map: Tensor, time: Tensor) -> Tensor:
         return self.head(torch.cat([self.convolutions(self.frame(map)), time], dim=1))

@@ -38,7 +38,7 @@ class Observation(nn.Module):
         environment: of the states to come.
         size: M, if it is to be more than the largest city has.
 
-    Raises `InputError` for another kind, another size, and what is no environment.
+    Raises `InputError` for another kind or size.
     """
 
     surroundings: Tensor  # (C, 3, 3M − 2, 3M − 2) uint8
@@ -52,8 +52,6 @@ class Observation(nn.Module):
         size: int = 0,
     ):
         super().__init__()
-        if not isinstance(environment, Environment):
-            raise InputError(f"an observation is of an Environment, here is {shown(environment)}")
         if str(kind) not in OBSERVATION_KINDS:
             raise InputError(
                 f"unknown observation {shown(kind)}: choose one of {', '.join(OBSERVATION_KINDS)}"

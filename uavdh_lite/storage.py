@@ -1,7 +1,6 @@
 """Files: where the shipped ones are, CSV and JSON, and writing a file whole or not at all."""
 
 import csv
-import errno
 import gzip
 import io
 import json
@@ -22,11 +21,7 @@ _PACKAGE = Path(__file__).parent
 def data_folder() -> Path:
     """The folder with `cities/`, `runs/` and more: inside the installed package, else `data/`."""
     inside = _PACKAGE / "data"
-    folder = inside if inside.is_dir() else _PACKAGE.parent / "data"
-    if not folder.is_dir():
-        what = "uavdh_lite's cities and agents are not there; install it again"
-        raise FileNotFoundError(errno.ENOENT, what, str(folder))
-    return folder
+    return inside if inside.is_dir() else _PACKAGE.parent / "data"
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
@@ -72,7 +67,7 @@ def write_table(path: str | Path, rows: list[dict]) -> None:
     writer.writeheader()
     for row in rows:
         writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
-    content = _bytes(text.getvalue())
+    content = text.getvalue().encode()
     if _is_packed(path):
         content = gzip.compress(content, mtime=0)
     if not Path(path).is_file() or Path(path).read_bytes() != content:
@@ -113,12 +108,7 @@ def _column(values: tuple[str, ...]) -> np.ndarray:
 def write_json(path: str | Path, values: dict) -> None:
     """Write JSON for people to read."""
     text = json.dumps(values, indent=2, ensure_ascii=False) + "\n"
-    write_atomically(path, lambda temporary: temporary.write_bytes(_bytes(text)))
-
-
-def _bytes(text: str) -> bytes:
-    """UTF-8; what is not Unicode, as in a path of bytes, in JSON's way of writing it."""
-    return text.encode("utf-8", "backslashreplace")
+    write_atomically(path, lambda temporary: temporary.write_bytes(text.encode()))
 
 
 def read_json(path: str | Path) -> dict:

@@ -48,10 +48,3 @@ def test_an_agent_flies_over_another_channel_if_it_is_named(quiet, tmp_path):
     typed = ["evaluate", "--checkpoint", str(tmp_path / "agent.safetensors"), "--episodes", "2"]
     assert main(typed) == 0
     assert main([*typed, "--cell-edge-snr", "-25"]) == 0
-
-
-def test_a_wrong_constant_is_named(tmp_path):
-    with pytest.raises(InputError, match="channel: slots is 0, must be at least 1"):
-        from_json(Scenario, {"name": "any", "channel": {"slots": 0}}, "scenario")
-    with pytest.raises(InputError, match="channel: 'snr' is no field of it"):
-        from_json(Scenario, {"name": "any", "channel": {"snr": 0}}, "scenario")

@@ -80,9 +80,7 @@ def test_the_colours_of_the_authors_files_are_read(tmp_path, generator):
     assert City.load(tmp_path / "near.png").fingerprint == DRAWN.fingerprint
 
 
-@pytest.mark.parametrize(
-    "colour", ["ff0020", "dfdf00", "00ffff", "ff00ff", "ffffff", "808080", "ff0000fe"]
-)
+@pytest.mark.parametrize("colour", ["ff0020", "00ffff", "808080", "ff0000fe"])
 def test_a_wrong_colour_names_file_and_pixel(tmp_path, colour):
     value = list(bytes.fromhex(colour))
     image = Image.fromarray(COLOURS[DRAWN.kinds]).convert("RGBA" if len(value) == 4 else "RGB")
@@ -116,6 +114,10 @@ def test_layers_that_contradict_each_other_are_refused():
         City("odd", landing, none, np.zeros((4, 4), bool))
     with pytest.raises(CityError, match=f"at most {MAX_SIZE} fit"):
         City("large", *np.zeros((3, MAX_SIZE + 1, MAX_SIZE + 1), bool))
+    with pytest.raises(CityError, match="mine: kinds must be"):
+        City.from_kinds("mine", np.array([[3, 5], [0, 0]]))
+    with pytest.raises(CityError, match="mine: no rows"):
+        City.from_text("mine", "\ufeff")  # with the mark of Windows
 
 
 @pytest.mark.parametrize(
@@ -138,6 +140,7 @@ def test_what_cannot_be_read_is_named(tmp_path, name, wrong):
 
 def test_a_folder_is_many_cities_in_the_order_of_their_names(tmp_path):
     DRAWN.save(tmp_path / "b.png")
+    (tmp_path / "._b.png").write_bytes(b"what macOS keeps about a file")
     City.load("village").save(tmp_path / "a.png")
     found = load_cities(tmp_path)
     assert [city.name for city in found] == ["a", "b"]
@@ -148,38 +151,9 @@ def test_a_folder_is_many_cities_in_the_order_of_their_names(tmp_path):
         load_city(tmp_path)
 
 
-def test_a_folder_holds_what_other_systems_put_there(tmp_path):
-    DRAWN.save(tmp_path / "a.png")
-    (tmp_path / "a.png").rename(tmp_path / "B.PNG")
-    (tmp_path / "._B.PNG").write_bytes(b"what macOS keeps about a file")
-    assert [city.name for city in load_cities(tmp_path)] == ["B"]
-
-
-@pytest.mark.parametrize("text", ["", " \n", "\ufeff"])
-def test_a_drawing_without_rows_is_refused(text):
-    with pytest.raises(CityError, match="mine: no rows"):
-        City.from_text("mine", text)
-
-
-def test_a_drawing_may_begin_with_the_mark_of_windows():
-    assert City.from_text("mine", "\ufeff" + DRAWN.text).fingerprint == DRAWN.fingerprint
-
-
-@pytest.mark.parametrize("kinds", [[[3, -1], [0, 0]], [[3, 5], [0, 0]], [3, 0], [[3.0, 0.0]] * 2])
-def test_kinds_that_are_none_are_refused(kinds):
-    with pytest.raises(CityError, match="mine: kinds must be"):
-        City.from_kinds("mine", np.array(kinds))
-
-
 def test_a_name_that_no_file_could_hold_becomes_one_that_can():
     """Nor a terminal obey."""
     assert City.from_kinds("M\udcfcn\x1b[2Jchen\n", DRAWN.kinds).name == "M?n?[2Jchen?"
-
-
-def test_a_map_of_zeros_and_ones_is_told_so(tmp_path):
-    Image.fromarray(COLOURS[DRAWN.kinds] // 255).save(tmp_path / "mine.png")
-    with pytest.raises(CityError, match=r"mine\.png: its brightest value is 1, must be 255"):
-        City.load(tmp_path / "mine.png")
 
 
 @pytest.mark.parametrize(
@@ -198,11 +172,3 @@ def test_a_landing_zone_that_is_walled_in_is_warned_of(tmp_path, text, warning):
     else:
         with pytest.warns(UserWarning, match=rf"mine\.png: from the landing zone at .*{warning}"):
             City.load(tmp_path / "mine.png")
-
-
-def test_a_folder_with_the_name_of_a_shipped_city_does_not_break_that_name(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "village").mkdir()
-    DRAWN.save(tmp_path / "village" / "mine.png")
-    assert City.load("village").size == load_city("village").size == 8
-    assert load_city("./village").name == "mine"

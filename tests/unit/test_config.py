@@ -1,20 +1,15 @@
 """Fields that explain themselves and know their bounds."""
 
-import itertools
+import json
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
 import pytest
 
-from uavdh_lite.beyond.cities import CityGenerator
-from uavdh_lite.channel import Channel
 from uavdh_lite.config import from_json, option, require
 from uavdh_lite.errors import InputError
-from uavdh_lite.registry import find
-
-PRESETS = [("scenario", "manhattan"), ("recipe", "lite"), ("recipe", "imitation")]
 
 
 @dataclass(frozen=True)
@@ -42,16 +37,12 @@ class Sample:
         ("limit", 0.0, "above 0"),
         ("free", math.nan, "a finite number"),
         ("width", math.inf, "a finite number"),
-        ("free", 1e16, "0, or of a size from 1e-15 to 1e+15"),
-        ("width", 1e-16, "0, or of a size from 1e-15 to 1e+15"),
         ("share", "0.5", "a number"),
         ("share", True, "a number"),
         ("counts", (1.5,), "a tuple of any number, each a whole number"),
         ("counts", 3, "a tuple of any number, each a whole number"),
-        ("counts", (True,), "a tuple of any number, each a whole number"),
         ("limit", "none", "a number or None"),
         ("either", "no", "True or False"),
-        ("either", 1, "True or False"),
         ("either", None, "True or False"),
         ("pair", (1, 2, 3), "a tuple of 2, each a whole number"),
         ("word", "three", "one or two"),
@@ -64,11 +55,8 @@ def test_a_value_out_of_bounds_is_named(field, value, expected):
     assert str(caught.value) == f"sample: {field} is {value!r}, must be {expected}"
 
 
-def test_bounds_themselves_are_inside():
-    Sample(share=0.0), Sample(share=1.0), Sample(counts=(1,)), Sample(limit=1e-9), Sample(free=-1e9)
-
-
-def test_what_says_the_same_becomes_the_type_of_the_field():
+def test_bounds_are_inside_and_what_says_the_same_becomes_the_type_of_the_field():
+    Sample(share=0.0), Sample(share=1.0), Sample(counts=(1,))
     sample = Sample(np.float32(0.5), 2, [np.int64(3)], None, free=np.float64(1), pair=np.arange(2))
     assert sample == Sample(0.5, 2.0, (3,), None, free=1.0, pair=(0, 1))
     values = (sample.share, sample.width, *sample.counts, sample.free, *sample.pair)
@@ -77,25 +65,21 @@ def test_what_says_the_same_becomes_the_type_of_the_field():
 
 def test_a_long_value_is_cut():
     with pytest.raises(InputError) as caught:
-        Sample(counts=(10**5000, "a" * 1000))
+        Sample(counts="a" * 1000)
     assert len(str(caught.value)) < 200
-    with pytest.raises(InputError, match="share is huge"):
-        Sample(share=10**5000)
 
 
-ODD = [None, True, "\ud800", [None], (2, 1), {}, object(), 1j, -1, 1.5, 1e-300, 1e300, 10**400]
-ODD += [math.nan, (1, math.inf), np.array([1.5, 2])]
-CONFIGS = [Channel(), CityGenerator(), *(find(kind, name) for kind, name in PRESETS)]
-
-
-@pytest.mark.parametrize("config", CONFIGS, ids=lambda one: getattr(one, "name", "default"))
-def test_an_odd_value_of_any_field_is_refused_by_its_name_or_kept(config):
-    """Also where it comes from a file."""
-    for field, value in itertools.product((f.name for f in fields(config)), ODD):
-        try:
-            changed = replace(config, **{field: value})
-        except InputError as error:
-            words = str(error).replace("_", " ").lower()
-            assert field.replace("_", " ").rstrip("s") in words and len(words) < 300
-        else:
-            assert from_json(type(config), vars(changed), "config") == changed
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"more": 1}, "'more' is no field"),
+        ({"share": 2}, "share is 2"),
+        ({"share": 10**400}, "share is 1000"),
+        (3, "is 3, must be an object"),
+    ],
+)
+def test_a_file_is_read_or_its_field_is_named(values, named):
+    saved = json.loads(json.dumps(asdict(Sample(counts=(3,), limit=2))))
+    assert from_json(Sample, saved, "sample") == Sample(counts=(3,), limit=2)
+    with pytest.raises(InputError, match=f"sample: {named}"):
+        from_json(Sample, values, "sample")

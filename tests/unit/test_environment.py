@@ -238,14 +238,6 @@ def test_each_of_many_devices_has_its_number():
     assert served.tolist() == [[299, 298]] and (left[0, :298] == 1).all()
 
 
-def test_one_of_one_city_is_the_environment_itself():
-    """So that what it has computed is not computed again."""
-    environment = Environment(CITY)
-    assert environment.over(0) is environment
-    both = Environment((CITY, CORNER))
-    assert [both.over(index).cities[0].name for index in (0, 1)] == ["by hand", CORNER.name]
-
-
 @given(st.lists(cities(2), min_size=1, max_size=3))
 @settings(derandomize=True, deadline=None, max_examples=60)
 def test_the_way_home_is_a_shortest_one(drawn):
@@ -271,7 +263,6 @@ def test_states_are_taken_apart_and_put_together(generator):
     ("given", "named"),
     [
         (("manhattan",), "takes a City .* here is 'manhattan': City.load"),
-        ((None,), "here is None"),
         (((CITY, "village"),), "here is 'village'"),
         (((),), "0 cities: an environment takes 1 to"),
     ],

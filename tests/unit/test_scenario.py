@@ -1,11 +1,7 @@
-import json
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 
 from uavdh_lite.city import City
-from uavdh_lite.config import from_json
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario, find_scenario
@@ -73,33 +69,15 @@ def test_episodes_under_way_can_still_be_landed(generator):
         ("devices", (3, 2)),
         ("data", (-1.0, 5.0)),
         ("data", (0.0, 0.0)),
-        ("data", (1.0, np.inf)),
-        ("data", (np.nan, 5.0)),
         ("flying_time", (0, 10)),
         ("flying_time", (10, 40_000)),
-        ("devices", 3),
-        ("devices", (1, 2, 3)),
-        ("devices", [1, 2.5]),
-        ("devices", (1.5, 2.5)),
         ("devices", (1, 101)),
-        ("data", (1e-50, 1e-50)),
         ("data", "many"),
-        ("city", None),
     ],
 )
 def test_impossible_ranges_name_the_field(field, value):
     with pytest.raises(InputError, match=f"scenario mine: {field}"):
         Scenario("mine", **{field: value})
-
-
-def test_numbers_of_numpy_and_lists_come_back_from_json():
-    scenario = Scenario("mine", devices=np.array([1, 2]), data=[np.float32(1), 2])
-    read = from_json(Scenario, json.loads(json.dumps(asdict(scenario))), "scenario")
-    assert read == scenario == Scenario(**vars(scenario))
-    with pytest.raises(InputError, match="scenario: 'more' is no field"):
-        from_json(Scenario, {"name": "a", "more": 1}, "scenario")
-    with pytest.raises(InputError, match="scenario: is 3, must be"):
-        from_json(Scenario, 3, "scenario")
 
 
 def test_more_devices_than_cells_name_the_city(generator):

@@ -8,7 +8,7 @@ from uavdh_lite.course.bresenham import bresenham_fans
 from uavdh_lite.errors import InputError
 from uavdh_lite.shadowing import line_of_sight
 
-CITIES = [(1, 0.0), (2, 0.5), (3, 0.2), (5, 0.3), (8, 0.6), (10, 0.05), (11, 0.25)]
+CITIES = [(1, 0.0), (2, 0.5), (3, 0.2), (5, 0.3), (8, 0.6), (9, 0.25)]
 
 
 def grid(text):
@@ -45,21 +45,12 @@ def test_exact_equals_rational_arithmetic_for_long_segments(density):
     [
         ("... .#. ...", (0, 0), (0, 0), True),  # a cell sees itself
         ("... .#. ...", (1, 1), (1, 1), False),  # a building sees nothing
-        ("... .#. ...", (1, 1), (0, 0), False),
         (".#. ... ...", (0, 0), (2, 2), True),  # touching a corner
-        (".#. ..# ...", (0, 0), (2, 2), True),  # two, on different sides
         (".#. #.. ...", (0, 0), (1, 1), False),  # no gap between two diagonal buildings
-        (".#. #.. ...", (0, 0), (2, 2), False),
-        (".#. ..# ...", (0, 1), (1, 2), False),
         (".... .#.. .... ....", (0, 0), (3, 3), False),  # on the diagonal
         (".... .#.. #... ....", (0, 0), (3, 1), False),  # through the corner in the middle
-        (".... .#.. .... ....", (0, 0), (3, 1), True),
-        (".... #... .... ....", (0, 0), (3, 1), False),
         (".#. ... ...", (0, 0), (1, 2), False),  # through the edge between two cells
-        ("... .#. ...", (0, 0), (1, 2), False),
-        ("..# #.. ###", (0, 0), (1, 2), True),
         ("#### .... #### ....", (1, 0), (1, 3), True),  # along a wall
-        ("#### .... #### ....", (1, 0), (3, 0), False),
         ("#..# .... .... #..#", (0, 1), (0, 2), True),  # beyond the end
     ],
 )

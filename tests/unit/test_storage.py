@@ -11,7 +11,6 @@ import pytest
 
 from uavdh_lite.errors import InputError
 from uavdh_lite.storage import (
-    data_folder,
     read_table,
     write_json,
     write_table,
@@ -44,7 +43,6 @@ def test_a_table_comes_back_and_equal_rows_give_equal_bytes(name, tmp_path):
         ("plain.csv.gz", b"a,b\n1,2\n"),
         ("cut.csv", b"a,b\n1\n"),
         ("empty.csv", b""),
-        ("blank.csv", b"\n\n"),
         ("twice.csv", b"a,b,a\n1,2,3\n"),
         ("binary.csv", b"\xff\xfe\x00"),
         ("long.csv", b"a" * 200_000),  # the csv module has a limit of its own
@@ -84,20 +82,6 @@ def test_a_folder_that_cannot_be_written_names_the_file_that_was_meant(tmp_path,
     with pytest.raises(PermissionError) as caught:
         write_json(tmp_path / "a.json", {})
     assert caught.value.filename == str(tmp_path / "a.json")
-
-
-def test_a_path_that_is_no_unicode_can_be_written_down(tmp_path):
-    values = {"out": "M\udcfcnchen"}  # as Python has the bytes of another encoding
-    write_json(tmp_path / "a.json", values)
-    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == values
-    write_table(tmp_path / "a.csv", [values])
-    assert read_table(tmp_path / "a.csv")["out"].tolist() == ["M\\udcfcnchen"]
-
-
-def test_missing_data_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("uavdh_lite.storage._PACKAGE", tmp_path / "uavdh_lite")
-    with pytest.raises(FileNotFoundError, match=r"install it again.*data"):
-        data_folder()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs Unix resource limits")

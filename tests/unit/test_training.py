@@ -99,10 +99,8 @@ def test_a_restored_run_goes_on_to_the_same_weights(trainer, tmp_path, monkeypat
     [
         ({"scenario": "manhattan"}, "scenario is a Scenario, here is 'manhattan': find_scenario"),
         ({"recipe": "lite"}, "recipe is a Recipe, here is 'lite': find_recipe"),
-        ({"recipe": None}, "recipe is a Recipe, here is None"),
         ({"city": "village"}, "City .*'village'.*City.load"),
         ({"city": ()}, "0 cities"),
-        ({"seed": "1"}, "seed '1'"),
     ],
 )
 def test_what_a_training_is_not_made_of_is_refused_at_once(
@@ -160,7 +158,6 @@ def test_the_authors_rule_keeps_the_best_mean_of_fifty_test_flights(trainer):
     """Over whole rows of the learning curve, as few as have 50 flights; before, none is judged."""
     own = trainer(kept_by="test_flights")
     flights, collected = [30, 30, 0, 10, 60, 20], [1.0, 0.5, None, 1.0, 0.9, 0.0]
-    means = {2: 0.75, 3: 0.75, 4: (30 + 15 + 10) / 70, 5: 0.9, 6: 60 * 0.9 / 80}
     best = []
     for row, of_row in enumerate(zip(flights, collected, strict=True), 1):
         own.steps = row
@@ -169,7 +166,6 @@ def test_the_authors_rule_keeps_the_best_mean_of_fifty_test_flights(trainer):
             {"steps": row, "greedy_flights": count, "greedy_collected_and_landed": mean}
         )
         best.append(own.is_best)
-    assert dict(own._judged()) == pytest.approx(means)
     assert best == [False, True, False, True, True, False]
     short = trainer(kept_by="test_flights", steps=100, replay_prefill=64, validation_interval=64)
     while not short.finished:
