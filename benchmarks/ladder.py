@@ -62,10 +62,9 @@ class Row:
 class Orienteering(Greedy):
     """Fly towards the first device of the best order, which is sought again at every step.
 
-    In the orienteering problem a traveller with limited time chooses which places to visit, and in
-    which order, for the largest sum of prizes. Here an order is a sequence of some of the devices.
-    It takes the moves from one to the next, a unit of time over each, and the way home. The best
-    one has the most data of those for which the time suffices, and the least time among equals.
+    The orienteering problem: an order is a sequence of some of the devices. It takes the moves from
+    one to the next, a unit of time over each, and the way home. The best one has the most data of
+    those for which the time suffices, and the least time among equals.
     """
 
     def act(self, state: State) -> np.ndarray:
@@ -138,14 +137,14 @@ def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np
 
 def summary(flown: list[dict[str, np.ndarray]], greedy: dict[str, np.ndarray]) -> dict[str, float]:
     """Means of a row, and what it is ahead of greedy on the same missions, with intervals."""
-    found: dict[str, float] = {}
     values = {metric: np.stack([records[metric] for records in flown]) for metric in METRICS}
     for metric in COMPARED:
         values[f"{metric}_ahead"] = values[metric] - greedy[metric]
-    for name, value in values.items():
-        ends = (name, f"{name}_low", f"{name}_high")
-        found |= dict(zip(ends, runs_interval(value), strict=True))
-    return found
+    return {
+        name + end: number
+        for name, value in values.items()
+        for end, number in zip(("", "_low", "_high"), runs_interval(value), strict=True)
+    }
 
 
 def main() -> None:

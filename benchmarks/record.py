@@ -111,12 +111,12 @@ def make(study: str, jobs: int = 1) -> None:
         write_json(about, read_json(about) | {"golden": digest()})
 
 
-def finished(run: Path, name: str) -> dict:
+def finished(run: Path, name: str, steps: int | None) -> dict:
     """What a run says of itself; `InputError` unless it is `NAME-SEED` with all of its steps."""
     how = read_json(run / "about.json")
     if run.name != f"{name}-{how['seed']}":
         raise InputError(f"{run}: is seed {how['seed']}: its folder must be {name}-{how['seed']}")
-    if how["steps"] < (steps := how["recipe"]["steps"]):
+    if how["steps"] < (steps := steps or how["recipe"]["steps"]):
         raise InputError(f"{run}: has {how['steps']} of {steps} steps: let it go on to the end")
     return how
 
@@ -134,7 +134,7 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
     tables: dict[str, list[dict]] = {"validation": [], "training": []}
     about, recipes = {}, {}
     runs = [
-        (variant, run, finished(run, name))
+        (variant, run, finished(run, name, entry.get("steps")))
         for variant, name in entry["runs"].items()
         for run in sorted(folder.glob(f"{escape(name)}-[0-9]*"))
     ]

@@ -39,16 +39,16 @@ UNSEEN, MISSIONS, SEED = "random:300:9", 500, 9
 METRICS = ("landed", "collected_and_landed", "return", "time_used")
 
 
-def flown(policy: Policy, environment: Environment, about: dict) -> dict:
-    """A row of the table: what it is about, and the means over the missions."""
-    records = evaluate(environment, policy, find_scenario("any_city"), MISSIONS, SEED).records()
-    return about | {name: records[name].mean() for name in METRICS}
-
-
 def of_greedy(cities: str) -> dict:
-    environment = Environment(load_cities(cities))
     about = {"policy": "greedy", "learned_in": "", "seed": 0, "steps": 0, "flown_over": cities}
-    return flown(Greedy(environment), environment, about)
+    return flown(Greedy(Environment(load_cities(cities))), about)
+
+
+def flown(policy: Policy, about: dict) -> dict:
+    """A row of the table: what it is about, and the means over the missions."""
+    scenario = find_scenario("any_city")
+    records = evaluate(policy.made_for(), policy, scenario, MISSIONS, SEED).records()
+    return about | {name: records[name].mean() for name in METRICS}
 
 
 def of_agent(observation: str, learned_in: str, seed: int) -> list[dict]:
@@ -56,15 +56,12 @@ def of_agent(observation: str, learned_in: str, seed: int) -> list[dict]:
     torch.set_num_threads(1)
     scenario = replace(find_scenario("any_city"), city=learned_in)
     recipe = replace(RECIPE, observation=observation)
-    name = f"{observation}-{learned_in.replace(':', '_')}-{seed}"
-    agent = load_agent(train(trainer_of(recipe)(scenario, recipe, seed), PARTS / name, resume=True))
+    folder = PARTS / f"{observation}-{learned_in.replace(':', '_')}-{seed}"
+    agent = load_agent(train(trainer_of(recipe)(scenario, recipe, seed), folder, resume=True))
     about = {"policy": observation, "learned_in": learned_in, "seed": seed}
-    about["steps"] = agent.training["steps"]
-    rows = []
-    for cities in (learned_in, UNSEEN):
-        pilot = agent.over(load_cities(cities))
-        rows.append(flown(pilot, pilot.environment, about | {"flown_over": cities}))
-    return rows
+    about |= {"steps": agent.training["steps"]}
+    over = {cities: agent.over(load_cities(cities)) for cities in (learned_in, UNSEEN)}
+    return [flown(pilot, about | {"flown_over": cities}) for cities, pilot in over.items()]
 
 
 def main() -> None:

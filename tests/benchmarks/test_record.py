@@ -87,6 +87,8 @@ def test_only_finished_runs_of_a_known_program_are_recorded_under_their_own_name
     about = read_json(folder / "other-3/about.json")
     write_json(folder / "other-3/about.json", about | {"steps": 1_400})
     refused("other-3: has 1400 of 5200 steps", "HEAD")
+    (folder / "runs/list.toml").write_text(f"{LIST}steps = 1400\n")  # as the study has them
+    record.gather("tiny", folder, "HEAD")
 
 
 def test_a_study_is_of_today_by_the_digest_that_it_was_recorded_with(folder, monkeypatch):
