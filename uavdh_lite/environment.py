@@ -206,10 +206,6 @@ class Environment:
         """M, the number of cells on a side of the largest city."""
         return self.cities[0].size
 
-    def over(self, index: int) -> "Environment":
-        """The environment of one of the cities alone; its cells keep their numbers."""
-        return replace(self, city=self.cities[index]) if len(self.cities) > 1 else self
-
     @cached_property
     def landing(self) -> np.ndarray:
         """The start and landing zones; (C, n) bool."""

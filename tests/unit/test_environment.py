@@ -22,7 +22,6 @@ from uavdh_lite.environment import (
     Environment,
     Rewards,
     State,
-    schedule,
 )
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Policy, fly
@@ -229,13 +228,6 @@ def test_a_map_of_rates_agrees_with_a_uav_that_hovers(generator):
         rates = environment.rate_map(state.device_cells[row, 0], city)
         expected = rates.flat[state.uav_cell[row]]
         assert mean_rate(snr_db[row]) == pytest.approx(expected, rel=1e-3, abs=1e-6)
-
-
-def test_each_of_many_devices_has_its_number():
-    """The loudest of 300 is the last; more than 127 do not fit into a byte."""
-    snr_db = np.linspace(-5, 20, 300, dtype=np.float32)[None, None].repeat(2, axis=1)
-    served, _, left = schedule(snr_db, np.full((1, 300), 1.0, np.float32))
-    assert served.tolist() == [[299, 298]] and (left[0, :298] == 1).all()
 
 
 @given(st.lists(cities(2), min_size=1, max_size=3))
