@@ -1,4 +1,4 @@
-"""A tour of the labs in three engines: `python -m pytest tests/browser/test_engines.py`.
+"""A tour of the labs in three engines: `python -m pytest -m long tests/browser/test_engines.py`.
 
 Needs a browser with its driver: chromedriver, geckodriver, or WebKitGTK's WebKitWebDriver, which
 also needs a display (`xvfb-run` gives one). An engine that is not there is skipped.
@@ -75,6 +75,7 @@ def begin(engine: str):
     )
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Selenium's own, for WebKitGTK
 @pytest.mark.parametrize("engine", DRIVERS)
 def test_every_tool_works_in_every_engine(engine, tmp_path):

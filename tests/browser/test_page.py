@@ -15,7 +15,6 @@ from uavdh_lite.city import load_city
 from uavdh_lite.labs.page import write_page
 from uavdh_lite.missions import Mission, as_json
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.storage import data_folder
 
 TOOLS = ("Fly", "Compare", "Think", "Channel", "Paint", "Train")
 SIZES = {  # in CSS pixels; zoomed is a projector at 200 %
@@ -371,18 +370,6 @@ def test_an_address_a_file_and_a_reload_show_the_same_again(browser, address, pa
         expect(other.locator(".drawer")).to_be_hidden()
         other.evaluate("() => { location.hash = '#stage=abcd'; }")
         expect(other.locator(".refusal")).to_contain_text("this link is damaged")
-
-
-def test_a_checkpoint_is_dropped_and_flies(page):
-    agent = (data_folder() / "checkpoints" / "open_field_ddqn.safetensors").read_bytes()
-    page.locator(".main").evaluate(
-        """(main, bytes) => { const data = new DataTransfer();
-        data.items.add(new File([Uint8Array.from(bytes)], "mine.safetensors"));
-        main.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true })); }""",
-        list(agent),
-    )
-    expect(page.locator("[data-set='city']")).to_have_value("open_field")
-    expect(page.locator("[data-set='policy-0'] option:checked")).to_have_text("mine")
 
 
 def test_touch_flies_lands_and_drags(browser, address):

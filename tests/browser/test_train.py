@@ -96,7 +96,7 @@ def test_it_learns_while_one_looks_and_python_loads_what_it_learned(page, tmp_pa
     assert flights.metrics()["landed"].mean == pytest.approx(shown / 100, abs=0.3)
 
 
-def test_another_network_begins_anew_and_the_earlier_curve_stays(page):
+def test_another_network_begins_anew_and_a_second_run_says_how_it_differs(page):
     turn(page, "layer norm", 1)
     expect(page.locator(".word")).to_contain_text("anew")
     until(page, lambda: steps(page) == 0)
@@ -104,8 +104,6 @@ def test_another_network_begins_anew_and_the_earlier_curve_stays(page):
     press(page, "Step")
     until(page, lambda: steps(page) == 16)
 
-
-def test_a_second_run_learns_beside_the_first_and_says_how_it_differs(page):
     press(page, "Second")
     turn(page, "discount", 1)
     expect(page.locator(".run.orange small")).to_have_text("discount γ 0.5")

@@ -57,7 +57,7 @@ const TRIES = {
   "memory of 64": [{}, { replay_capacity: 64 }, "It learns from the last four steps alone."],
   "in place": [{}, IN_PLACE, "The orange one's map is not centred. What did centring do?"],
   "in place, scaled": [{}, { ...IN_PLACE, ...SCALES }, "Not centred, but with input scales."],
-  "γ 0.5": [{}, { discount: 0.5 }, "What is far away hardly counts."],
+  "γ 0": [{}, { discount: 0 }, "The next step alone counts. Does it come home?"],
 };
 
 const share = (value) => `${Math.round(100 * value)} %`;
