@@ -205,20 +205,19 @@ def _require_made_for(policy: Policy, environment: Environment) -> None:
     own = policy.made_for()
     if own is None or own is environment:
         return
+    made_for = f"this {type(policy).__name__} is made for"
+    other = "or make another policy with this environment"
     if own.size != environment.size or fingerprint_of(own.cities) != fingerprint_of(
         environment.cities
     ):
-        made_for, here = described(own.cities), described(environment.cities)
         raise InputError(
-            f"this {type(policy).__name__} is made for {made_for}, not for {here}: take "
-            "agent.over(city) of an agent (--city on the command line), or make another policy "
-            "with this environment"
+            f"{made_for} {described(own.cities)}, not for {described(environment.cities)}: take "
+            f"agent.over(city) of an agent (--city on the command line), {other}"
         )
     if found := own.channel.differences(environment.channel):
         raise InputError(
-            f"this {type(policy).__name__} is made for another channel, with {found}: take "
-            "agent.over(city, channel) of an agent (its options on the command line), or make "
-            "another policy with this environment"
+            f"{made_for} another channel, with {found}: take agent.over(city, channel) of an agent "
+            f"(its options on the command line), {other}"
         )
 
 

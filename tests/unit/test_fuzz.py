@@ -1,7 +1,5 @@
 """Damaged and foreign files of every kind: always an error of our own, or what was saved."""
 
-from functools import partial
-
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -50,19 +48,16 @@ def mission(folder, trainer):
     return folder / "m.json", load_mission, lambda read: len(read.state) == 1 and read.fading
 
 
-def table(folder, trainer, suffix):
-    path = folder / f"t{suffix}"
+def table(folder, trainer):
+    path = folder / "t.csv.gz"  # its checksum finds every change
     write_table(path, [{"steps": 5000 * k, "share": 0.1 * k, "name": "a"} for k in range(5)])
-    if suffix == ".csv.gz":  # its checksum finds every change
-        return path, read_table, lambda read: read["steps"].tolist() == list(range(0, 25000, 5000))
-    return path, read_table, lambda read: len({len(column) for column in read.values()}) <= 1
+    return path, read_table, lambda read: read["steps"].tolist() == list(range(0, 25000, 5000))
 
 
-KINDS = [checkpoint, picture, mission, partial(table, suffix=".csv")]
-KINDS.append(partial(table, suffix=".csv.gz"))
+KINDS = [checkpoint, picture, mission, table]
 
 
-@pytest.mark.parametrize("kind", KINDS, ids=["checkpoint", "picture", "mission", "csv", "csv.gz"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_damaged_file_is_an_error_or_what_was_saved(kind, tmp_path, trainer):
     original, read, may_be = kind(tmp_path, trainer)
     path = tmp_path / f"damaged{''.join(original.suffixes)}"
