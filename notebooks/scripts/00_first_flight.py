@@ -49,44 +49,41 @@ trajectory_figure(environment, flights.trajectory(0))
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Watch a trained agent fly, set missions of your own, and race it against two simple pilots |
-# | **What you'll learn** | What the task is, how to read a flight, six numbers that say how good a pilot is, and why one would train an agent when a simple rule flies so well |
+# | **What you'll do** | Watch an agent fly, set missions, and race it against two simple pilots |
+# | **What you'll learn** | The task, how to read a flight, how good a pilot is, and why one would train one |
 # | **What you'll need** | Python. 40 minutes to read, 20 seconds to run; 25 minutes of exercises |
 #
 # ## 0.1 The task
 #
-# The drone is a *UAV*, an unmanned aerial vehicle. It flies 10 m above the ground, over a city that
-# is divided into square cells. Sensors on the ground, the *devices*, hold data and send it to the
-# UAV by radio. Buildings block the signal.
+# The drone is a *UAV*, an unmanned aerial vehicle. It flies 10 m above the ground, over a city of
+# square cells. Sensors on the ground, the *devices*, hold data and send it to the UAV by radio.
+# Buildings block the signal.
 #
-# The UAV starts in a landing zone and has a limited *flying time*. It has six actions: it can move
-# one cell north, east, south or west, it can hover, and it can land. Each action takes one unit of
-# time. The aim is to collect as much data as possible and to land before the time runs out. If the
-# UAV is still in the air when the time runs out, it *crashes*.
+# The UAV starts in a landing zone and has a limited *flying time*. Its six actions are to move one
+# cell north, east, south or west, to hover, and to land; each takes one unit of time. The aim is to
+# collect as much data as possible and to land before the time runs out; otherwise the UAV
+# *crashes*.
 #
 # Flying right up to every device wastes time, because a radio signal carries far along an open
-# street. Waiting at a distance wastes time, too, because far from a device the data comes in
-# slowly. The best route is a compromise between the two. It is different for every *mission*: a
-# mission says where the devices are and how much data they hold, where the UAV starts, and how much
-# flying time it has.
+# street. Waiting at a distance wastes time, too, because from there the data comes in slowly. The
+# best compromise is different for every *mission*: a mission says where the devices are and how
+# much data they hold, where the UAV starts, and how much flying time it has.
 #
-# A program that chooses one action after another is called an *agent*. The one in the picture
-# chooses its actions with a neural network, a formula with hundreds of thousands of adjustable
-# numbers, its **weights**. These weights were *trained*. The agent flew random missions, millions
-# of steps in all, and after each step it received a *reward*, a number that is large if a lot of
-# data came in, slightly negative if none did, and strongly negative if the UAV crashed. The weights
-# were adjusted until the network could predict how much reward each action would lead to, with
-# later rewards counting less. Learning of this kind, by trial and error and from rewards, is called
+# A program that chooses one action after another is called an *agent*. This one chooses with a
+# neural network, a formula with hundreds of thousands of adjustable numbers, its **weights**. They
+# were *trained*: the agent flew random missions, millions of steps in all, and after each step
+# received a *reward*, large if a lot of data came in, slightly negative if none did, and strongly
+# negative if the UAV crashed. The weights were adjusted until the network could predict how much
+# reward each action would lead to. Learning of this kind, by trial and error, is called
 # **reinforcement learning**.
 #
 # This agent, `manhattan_ddqn`, was trained with the method that the course teaches, the *double
-# deep Q-network*, or **DDQN**. In this course we simply call it **the agent**. The method is that
-# of a 2020 article by Bayerlein and others; we call this article *the paper*. Our agent's version
-# of it is strengthened, and notebook 7 names the main changes.
+# deep Q-network*, or **DDQN**, so we call it the **DDQN agent**. The method is that of a 2020
+# article by Bayerlein and others, *the paper*, strengthened (notebook 7).
 #
 # ## 0.2 Reading a flight
 #
-# Now watch the same flight in motion. Run the cell, then press play or drag the slider:
+# Now watch the same flight. Press play or drag the slider:
 
 # %%
 from uavdh_lite.player import play
@@ -94,7 +91,7 @@ from uavdh_lite.player import play
 play(environment, flights.trajectory(0))
 
 # %% [markdown]
-# Go back to the still picture at the top. It shows the city from above, and each cell is 10 m wide.
+# Go back to the still picture at the top. It shows the city from above. Each cell is 10 m wide.
 #
 # - The white **triangle** marks the start, and the **diamond** marks the landing. Both lie in blue
 #   landing zones.
@@ -102,12 +99,12 @@ play(environment, flights.trajectory(0))
 #   the start. (In the player, the number on a device is its name.)
 # - Each **arrow** is one step, which takes one unit of time. Its colour shows which device sent the
 #   most data during that step; black means that no device sent anything. A **ring** marks hovering.
-# - A **thick** arrow means a lot of data; a thin one, only a little.
+# - A **thick** arrow means a lot of data.
 # - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices
 #   are hidden from the cell.
 #
-# Follow the arrows. Does the agent fly over every device, or does it empty some of them in passing,
-# from a distance? Where does it turn back, and in which landing zone does it land?
+# Follow the arrows. Does the agent fly over every device, or does it empty some in passing, from a
+# distance? Where does it turn back?
 #
 # Here is the same flight in numbers:
 
@@ -128,22 +125,19 @@ for name, values in flights.records().items():
 # | `safety_interventions` | how often a forbidden action was refused |
 #
 # The score to watch is `collected_and_landed`, because data that goes down with the UAV counts for
-# nothing. The return is no fair score by itself: it is large whenever a mission offers a lot of
-# data.
+# nothing.
 #
-# The UAV may not leave the map, fly into a tall building or a no-fly zone, or land outside the
-# landing zones. If it tries to, the *safety controller* makes it hover instead. Notebook 3 returns
-# to the safety controller and the rewards.
+# If the UAV tries to leave the map, to fly into a tall building or a no-fly zone, or to land
+# outside the landing zones, the *safety controller* makes it hover instead (notebook 3).
 #
 # ## 0.3 Set a mission yourself
 #
-# A mission over this city has two to five devices and 35 to 70 units of time. Each device holds 5
-# to 20 data units (notebook 1 defines the unit). All these numbers are drawn at random, and so are
-# the positions of the devices and the start, which is one of the eight landing cells. The agent
-# flies any such mission without further training.
+# A mission over this city has two to five devices, each with 5 to 20 data units (notebook 1 defines
+# the unit), and 35 to 70 units of time. Everything is drawn at random, also the start, which is one
+# of the eight landing cells. The agent flies any such mission without further training.
 #
-# Put three devices in any three cells, except on buildings and in landing zones. A position is a
-# pair of numbers, row and column, which are counted from 0 at the top left corner:
+# Put three devices in any cells, except on buildings and in landing zones. A position is a row and
+# a column, counted from 0 at the top left corner:
 
 # %%
 devices, data = ((0, 12), (8, 1), (12, 14)), (12, 15, 18)
@@ -152,11 +146,7 @@ flights = relaxed.fly(environment, agent)
 trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# With so much time the agent can collect everything. The caption says whether it did, and how much
-# of its time it used.
-#
-# Now we halve the flying time. Run the next cell and make your prediction before you fly the
-# mission:
+# Now we halve the flying time. Make your prediction before you fly the mission:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -171,22 +161,19 @@ flights = hurried.fly(environment, agent)
 trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# The route begins like the old one, but it is not merely the old route cut short: it continues
-# along different streets and ends in the other landing zone. Which device does the agent give up?
-# Look for the colour whose arrows are all thin. Nobody wrote a rule that says which device to give
-# up. The time left is one of the things that the agent sees, and training has taught it what to do
-# when time is short.
-#
-# Change the devices, the data or the time in the cells above and run them again.
+# The route begins like the old one, but it is not merely cut short: it continues along different
+# streets and ends in the other landing zone. Which device does the agent give up? Look for the
+# colour whose arrows are all thin. Nobody wrote a rule for this. The time left is one of the things
+# that the agent sees, and training has taught it what to do when time is short.
 #
 # ## 0.4 Two pilots for comparison
 #
-# Was that a good flight? A score means little as long as there is nothing to compare it with, so
-# in this course two simple pilots fly the same missions as the agent.
+# Was that a good flight? A score means little without a comparison, so in this course two simple
+# pilots fly the same missions as the agent.
 #
 # - **greedy** flies to the nearest device that still has data. When it has just enough time left to
 #   get home, it turns back. It does not learn; it was given a street map and this rule.
-# - **random** picks one of the six actions at random at every step.
+# - **random** picks one of the six actions at random.
 #
 # Now all three pilots fly the hurried mission. Press play:
 
@@ -201,12 +188,11 @@ for name, each in flown.items():
     print(f"{name:<16}collected {each.end.collected[0]:.0%} in {each.steps[0]} steps")
 
 # %% [markdown]
-# Greedy always goes to the nearest device that still has data, and flies home at the end, so the
-# order of its visits hardly depends on the flying time. The random pilot wanders about, and lands
-# as soon as it happens to draw `land` in the right place.
+# Greedy's order of visits hardly depends on the flying time. The random pilot wanders about, and
+# lands as soon as it happens to draw `land` in the right place.
 #
 # One flight proves nothing, though: in other missions, greedy beats the agent. A fair race needs
-# many missions, drawn at random and the same for all three pilots.
+# many missions, the same for all three pilots.
 #
 # ## 0.5 Two thousand missions
 #
@@ -232,57 +218,47 @@ for metric in scores["random"]:
 # %% [markdown]
 # Read the columns of this table from right to left.
 #
-# **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data,
-# as `collected_and_landed` shows.
+# **The random pilot** lands in most missions, and yet it is useless: it lands with hardly any data.
 #
 # **Greedy** never crashes, because its rule takes it home in time, and it collects nearly
-# everything. In this city it is a strong rival.
+# everything.
 #
-# **The agent** comes close to greedy but does not overtake it. (In the 1000 missions of notebook 8
-# the agent does worse than here; that notebook says which result to trust.) Consider what these two
-# pilots were told. Both see the street map, though the agent's network misses a strip of it
-# (section 5.7). Greedy was also given the shortest routes, and a rule that a person had thought up.
-# Nobody told the agent what the map means. Its network started with random weights, and from
-# rewards alone the agent has learned to fly to data, to turn back and to land, in *this* city. How
-# much of this is understanding, and how much is mere rote learning, is a question for notebook 8.
+# **The DDQN agent** comes close to greedy but does not overtake it. (In the 1000 missions of
+# notebook 8 it does worse than here; that notebook says which result to trust.) But greedy was
+# given the shortest routes, and a rule that a person had thought up. Nobody told the agent what the
+# map means. Its network started with random weights, and from rewards alone it has learned to fly
+# to data, to turn back and to land, in *this* city.
 #
 # A rule of a few lines of code, then, beats a network that took millions of steps to train. **Why
-# learn at all?** Keep this question in mind until section 9.5 answers it. Here are two hints.
-# First, somebody had to think up the rule and know what the map means, and not every task has
-# somebody who can do both. Second, in notebook 9 one agent will beat the rule, and another will fly
-# over a city that you typed a minute earlier.
+# learn at all?** Keep this question in mind until section 9.5. Here is one hint: somebody had to
+# think up the rule and know what the map means.
 #
-# A mean hides a lot, so look at individual flights, too. Of the agent's two thousand flights, this
-# one brought home the smallest share of the data:
+# A mean hides a lot, so look at single flights, too. This one brought home the smallest share of
+# the data:
 
 # %%
 worst = scores["manhattan_ddqn"]["collected_and_landed"].argmin()
 trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 
 # %% [markdown]
-# The agent empties the western device and goes home with nearly half of its time unused, although
-# the two devices in the east still hold nearly all of their data. The agent cannot see them: at
-# every step they are 14 or 15 columns east of it, in a strip of the map that its network never
-# reads (5.7). Even this flight ended in a landing zone, as all two thousand did, although nothing
-# forced it to.
+# The agent empties the western device and goes home with nearly half of its time unused. It cannot
+# see the two devices in the east: at every step they are 14 or 15 columns east of it, in a strip of
+# the map that its network never reads (5.7). Even this flight ended in a landing zone, as all two
+# thousand did.
 #
 # Does this agent always land, then? Two thousand landings in a row do not prove it. By the **rule
 # of three**, after $n$ missions without a crash, the true share of crashes may still be as large as
-# $3/n$ (at 95 % confidence), which is 0.15 % here.
+# $3/n$ (at 95 % confidence), 0.15 % here.
 #
 # ## 0.6 What the agent knows
 #
-# The agent sees the map of the city, its own position, the positions of the devices (except those
-# too far south or east of it, see 5.7), how much data each of them still has and has already sent,
-# and the time left. It does not see the violet shadows. Nor does it know the formulas of the radio
-# channel. It makes no plan, either. At every step it asks afresh which of the six actions looks
-# most promising.
+# The agent sees the map of the city, its own position, the devices, their data and the time left.
+# It does not see the violet shadows, nor does it know the formulas of the radio channel. It makes
+# no plan: at every step it asks afresh which action looks most promising.
 #
 # For each action its network gives a number, the **Q-value**: the sum of the rewards that it
 # expects from now on if the agent takes that action and flies well afterwards. Later rewards count
-# less in this sum (a reward twenty steps ahead counts about a third as much as one now), so a
-# Q-value is usually smaller than the return of the flight. At the start of the first mission it is
-# smaller still, because the network cannot see three of the five devices from there:
+# less in this sum. Here are the Q-values at the start of the first mission:
 
 # %%
 from uavdh_lite.environment import ACTIONS
@@ -294,20 +270,14 @@ for action, value in zip(ACTIONS, q_values):
 # %% [markdown]
 # These six numbers are the network's whole output. Notebook 6 is about how it learns them.
 #
-# Here is the plan of the course. Notebooks 1 to 3 are about the world: the radio channel, shadows,
-# and what a step earns. Notebooks 4 to 7 are about the learner: what the network sees, how it
-# computes and how it learns. Notebook 8 asks what the agent has learned, and in notebook 9 an agent
-# beats greedy.
-#
-# The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
-# In the lab *Fly* you can use the arrow keys to fly against the agent.
+# Notebooks 1 to 3 are about the world, 4 to 7 about the learner. Notebook 8 asks what the agent has
+# learned, and in notebook 9 an agent beats greedy. In the *labs*, interactive pages that `python -m
+# uavdh_lite app` opens in a browser, you can fly against the agent with the arrow keys.
 #
 # ## Recap
 #
 # - The task is to collect as much data as possible and to land before the flying time runs out.
-# - Each arrow is one step, in the colour of the device that sent the most data during it. Violet
-#   cells lie in the radio shadow of buildings.
-# - One network flies every mission over this city, and takes a different route when time is short.
+# - One network flies every mission over this city, by a different route when time is short.
 # - `collected_and_landed` is the score: data counts only if the UAV lands.
 # - A comparison needs rivals and many missions.
 #

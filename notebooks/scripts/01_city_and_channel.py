@@ -47,17 +47,17 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Take the city apart, follow one signal from the transmitter to the data, and find good places to hover |
-# | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
-# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 45 minutes to read, 10 seconds to run; 25 minutes of exercises |
+# | **What you'll do** | Follow one signal from the transmitter to the data, and find good places to hover |
+# | **What you'll learn** | Decibels, path loss, link budget, Shannon's rate, shadow fading |
+# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 40 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
-# The bright area is not a disc. It reaches far down two streets and hardly bends round corners,
+# The bright area is not a disc: it reaches far down two streets and hardly bends round corners,
 # because buildings are in the way.
 #
 # ## 1.1 Three layers
 #
 # The city is a grid of 16 × 16 cells, each 10 m wide. For each cell there are three yes-or-no
-# questions, and the answers to each question form one *layer* of the map:
+# questions, the *layers* of the map:
 
 # %%
 city, channel = environment.city, environment.channel
@@ -68,47 +68,35 @@ for ax, name in zip(figure.subplots(1, 3), ("landing", "no_fly", "buildings")):
 figure
 
 # %% [markdown]
-# Black means yes. From left to right: May the UAV start and land here? Is it forbidden to fly here?
-# Does a building here block radio signals?
+# Black means yes. May the UAV start and land here? Is it forbidden to fly here? Does a building
+# here block radio signals?
 #
 # Compare the second layer with the third. A cell that is black in both is a *tall* building: the
-# UAV may not enter it, and it blocks radio signals. A cell that is black only in the third layer is
-# a *low* building, which blocks signals but may be flown over. A cell that is black only in the
-# second layer is a no-fly zone without a building. Which of the three kinds does this city have?
-
-# %%
-tall, low = city.buildings & city.no_fly, city.buildings & ~city.no_fly
-closed = city.no_fly & ~city.buildings
-print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only closed")
-
-# %% [markdown]
-# The paper's UAV is “not allowed to fly over buildings” at all, so this city has no low buildings;
-# other maps in the library have some. A device may stand anywhere, even in the no-fly zone, except
-# on a building or in a landing zone.
+# UAV may not enter it, and it blocks radio signals. Black only in the third layer would be a *low*
+# building, which may be flown over, and black only in the second a no-fly zone. The paper's UAV is
+# “not allowed to fly over buildings” at all, so this city has no low ones. A device may stand
+# anywhere except on a building or in a landing zone.
 #
-# ## 1.2 Path loss
+ ## 1.2 Path loss
 #
 # A radio signal gets weaker as it travels. The loss spans many powers of ten, so engineers use a
 # logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. Thus 10 dB is a factor of
-# ten, 20 dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for
-# factors below one: −10 dB is a tenth. On this scale, products become sums.
+# ten, 20 dB a factor of a hundred, 3 dB about a factor of two, and −10 dB a tenth. On this scale,
+# products become sums.
 #
-# What counts is how strong the signal is compared with the noise, the random hiss in every
-# receiver. The ratio of their powers is the *signal-to-noise ratio*, SNR. It falls as a power of
-# the distance $d$ in metres (paper, eq. 2):
+# What counts is how strong the signal is compared with the noise in every receiver. The ratio of
+# their powers is the *signal-to-noise ratio*, SNR. It falls as a power of the distance $d$ in
+# metres (paper, eq. 2):
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2} \cdot d^{-\alpha_l} \cdot 10^{\eta_l/10}$$
 #
-# Here $P$ is the transmitted power and $\sigma^2$ the power of the noise. The number $\eta_l$
-# stands for luck, the **shadow fading** of section 1.5. In decibels the same equation becomes a
-# sum:
+# Here $P$ is the transmitted power, $\sigma^2$ the power of the noise, and $\eta_l$ stands for luck
+# (1.5). In decibels the same equation becomes a sum:
 #
 # $$\mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha_l \log_{10} d + \eta_l$$
 #
-# The term in the middle, $10\,\alpha_l \log_{10} d$, is the *path loss*, and $\alpha_l$ is
-# the *path-loss exponent*. The index $l$ says what kind of link it is. If there is *line of sight*
-# (LoS), nothing is in the way, and the exponent is 2.27. If there is none (NLoS), a building is in
-# the way, and the exponent is 3.64:
+# The term in the middle is the *path loss*, and $\alpha_l$ the *path-loss exponent*: 2.27 if there
+# is *line of sight* (LoS), and 3.64 if there is none (NLoS), because a building is in the way:
 
 # %%
 import numpy as np
@@ -123,27 +111,21 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Plotted against distance on a logarithmic axis, both path losses are straight lines. Ten times the
-# distance adds 22.7 dB in sight and 36.4 dB behind a building. In empty space it would be 20 dB:
-# the power spreads over a sphere, whose area grows with the square of the distance, so the exponent
-# would be 2. The paper's 2.27 is a little more, because near the ground some of the power is
-# absorbed or scattered on the way. The gap between the lines is the loss that a building adds. At
-# 100 m this gap is 27.4 dB: the signal is some 550 times weaker.
+# Ten times the distance adds 22.7 dB in sight and 36.4 dB behind a building. In empty space it
+# would be 20 dB: the power spreads over a sphere, whose area grows with the square of the distance,
+# so the exponent would be 2. The gap between the lines is the loss that a building adds. At 100 m
+# it is 27.4 dB: the signal is some 550 times weaker.
 #
 # The distance $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground is
-# $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device, $d$ is 10 m. Why
-# not fly higher? At a height of 100 m, every $d$ is 100 m or more. Directly above the device, this
-# height would cost another 22.7 dB. It would also make distances more alike, so there would be less
-# reason to fly anywhere.
+# $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device, $d$ is 10 m.
 #
 # ## 1.3 The link budget
 #
-# How strong is the transmitter? Instead of $P/\sigma^2$, the paper states the *cell-edge SNR*. The
-# “cell” in this term is not one of our grid cells, but the area that a phone network's base station
-# serves, which here is the whole map. An unobstructed link along the ground, from the middle of the
-# map to a device in a corner, has an SNR of −15 dB. (This definition leaves out the height, which
-# every link below includes.) To find $P/\sigma^2$, take this link's length, compute the path loss,
-# and add it to the SNR at the corner:
+# How strong is the transmitter? Instead of $P/\sigma^2$, the paper states the *cell-edge SNR*: an
+# unobstructed link along the ground, from the middle of the map to a device in a corner, has an SNR
+# of −15 dB. (This “cell” is not one of our grid cells, but the area that a base station serves,
+# here the whole map.) To find $P/\sigma^2$, compute the path loss of this link and add it to the
+# SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2
@@ -152,11 +134,9 @@ print(f"to the corner: {edge_m:.1f} m, budget: {budget_db:.1f} dB")
 assert np.isclose(budget_db, channel.transmit_snr_db(16))
 
 # %% [markdown]
-# We call $P/\sigma^2$ in decibels the *link budget*. It is the SNR that a link would have at 1 m,
-# and path loss reduces it.
-#
-# A link behind a building has the same budget, because its transmitter is no weaker and its
-# receiver no noisier. Apart from luck, one subtraction now gives any link's SNR:
+# We call $P/\sigma^2$ in decibels the *link budget*, the SNR that a link would have at 1 m. It is
+# the same behind a building, because the transmitter is no weaker. Apart from luck, one subtraction
+# now gives any link's SNR:
 
 # %%
 def snr_db(ground_m, exponent):
@@ -168,19 +148,19 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # %% [markdown]
 # ## 1.4 From SNR to data
 #
-# How much data can a link carry? Claude Shannon found the limit in 1948. In one
-# communication *slot* a device can send (paper, eq. 1)
+# How much data can a link carry? Claude Shannon found the limit in 1948. In one communication
+# *slot* a device can send (paper, eq. 1)
 #
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
 # data units. (In real systems $R$ is the *spectral efficiency*, in bits per second per hertz.) One
-# move takes as long as four such slots. When signal and noise are equally strong, the SNR is 1, and
-# a slot carries $\log_2 2 = 1$ unit. This amount is the course's data unit.
+# move takes four such slots. When signal and noise are equally strong, the SNR is 1, and a slot
+# carries $\log_2 2 = 1$ unit.
 #
 # Why a logarithm? If a slot is to carry one unit more, the receiver must tell twice as many
-# different signals apart in the same noise. Signals are points in a plane, so twice as many need
-# twice the area, and area is proportional to power. To *add* one unit of data at a high SNR, you
-# therefore have to *multiply* the power by two.
+# different signals apart in the same noise. Signals are points in a plane, so they need twice the
+# area, and area is proportional to power. To *add* one unit of data at a high SNR, you have to
+# *multiply* the power by two.
 #
 # First make a prediction:
 
@@ -208,50 +188,37 @@ for distance in (0, 10, 20, 30, 100):
 
 # %% [markdown]
 # - **Twice the distance** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR, each
-#   loss of 3 dB takes one unit away from a slot, however many units the slot carried. At a low SNR
-#   the rate is proportional to the SNR, so doubling the distance reduces the rate to a fifth in
-#   sight and a twelfth behind a building.
-# - **Near is fast.** Three cells away and in sight, the UAV gets data about a fifth as fast as
-#   directly above the device.
-# - **Far still counts.** A hundred metres down a street, little data arrives in a slot, but it adds
-#   up while the UAV flies on.
+#   loss of 3 dB takes one unit away from a slot. At a low SNR the rate is proportional to the SNR,
+#   so doubling the distance reduces it to a fifth in sight and a twelfth behind a building.
 # - **A building all but ends the link.** Even at a distance of 10 m on the ground, it cuts the data
 #   by more than nine tenths.
 #
 # ## 1.5 Shadow fading
 #
 # Trees, signs and vehicles make a signal stronger or weaker than the distance alone would suggest.
-# This is called *shadow fading*. Despite its name, it has nothing to do with the violet shadows of
-# notebook 0, which are cast by buildings on the map: fading stands for things that the map does not
-# show. The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with mean 0,
-# drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a building.
-# Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so in decibels
-# the effects add up, and a sum of many independent effects is nearly normal. A power that is
-# normally distributed in decibels is called *log-normal*. The paper calls the fading's variance
-# $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
+# This is *shadow fading*. It stands for things that the map does not show. The model adds $\eta_l$
+# to the SNR: a normally distributed number of decibels with mean 0 and a variance of 2 dB² in sight
+# and 5 dB² behind a building, drawn anew for every slot and device. Why normal, and why in
+# decibels? Each obstacle multiplies the power by some factor, so in decibels the effects add up,
+# and a sum of many independent effects is nearly normal. Such a power is called *log-normal*.
 #
 # Reflections add a second kind, *small-scale* or *multipath fading*, which varies over a few
-# centimetres. In eq. 2 the SNR is already averaged over it. Drawn in every slot instead, it would
-# cost data: right above a device, a link without any direct path (*Rayleigh fading*) carries 2.62
-# units in a slot on average, and not 3.14. A device also sends at exactly the rate that its link
-# bears in a slot, whereas real senders choose a rate beforehand, and lose the slot if the link
+# centimetres; in eq. 2 the SNR is already averaged over it. And a device sends at exactly the rate
+# that its link bears, whereas real senders choose a rate beforehand, and lose the slot if the link
 # turns out worse (an *outage*). [What the model
-# assumes](../docs/tutorials/what_the_model_assumes.md) has the numbers.
+# assumes](../docs/tutorials/what_the_model_assumes.md) says what either costs.
 #
 # In a real street, shadow fading is *correlated*: the tree that is in the way now is still in the
-# way one step later. The authors' code nevertheless draws it anew in every slot, and so do we: if
-# good luck came in runs, it could pay to leave a place with bad luck, and the agent would have to
-# remember its luck (notebook 3).
+# way one step later. The authors' code draws it anew in every slot, and so do we, so that the agent
+# need not remember its luck.
 #
-# In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
-# data?
+# In decibels, good and bad luck cancel out on average. Do they also in the amount of data?
 
 # %%
 Quiz("luck_on_average")
 
 # %% [markdown]
-# For the mean rate, average the rate over all values of the fading, each weighted by its
-# probability density.
+# For the mean rate, weight the rate for each value of the fading by its probability density.
 
 # %%
 luck_db, mean_db = np.linspace(-12, 12, 481), snr_db(30, 2.27)
@@ -265,11 +232,10 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
     assert lucky > rate(alone)
 
 # %% [markdown]
-# In sight, fading helps a little; behind a building it raises the rate by about a seventh. The next
-# figure shows why. The curve shows the rate, and the dashed line joins a slot with bad luck to one
-# with good luck.
+# In sight, fading helps a little; behind a building it raises the rate by about a seventh. In the
+# next figure the dashed line joins a slot with bad luck to one with good luck.
 
-# %%
+# %% tags=["hide-input"]
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
 figure = Figure(figsize=(5.5, 3.4), layout="constrained")
 ax = figure.subplots()
@@ -282,9 +248,8 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Because the curve bends upwards (it is *convex*), the mean rate of the two slots, which lies on
-# the dashed line, is above the curve: good luck gains more than bad luck loses. This is *Jensen's
-# inequality*.
+# Because the curve bends upwards (it is *convex*), the mean of the two slots is above the curve:
+# good luck gains more than bad luck loses (*Jensen's inequality*).
 #
 # ## 1.6 Where to hover
 #
@@ -302,26 +267,17 @@ for name, ground, exponent in (
     print(f"{name:<32}{here:.4f} data units per slot, {np.ceil(15 / (4 * here)):>4.0f} steps")
 
 # %% [markdown]
-# - Directly above the device, two steps are enough.
-# - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four
-#   steps, because data comes in on the way.
-# - Behind a building, the UAV is only half as far away as it is down the street, but gets about a
-#   tenth as much data.
+# - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four,
+#   because data comes in on the way.
 # - Round the corner, fetching the data would take longer than any flight lasts.
 #
-# The answer to the question at the top is: anywhere *in sight* of the device and not too far away.
-# Which places these are depends on the buildings, and the agent must find them. In the lab
-# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch the SNRs change.
+# So the answer to the question at the top is: anywhere *in sight* of the device and not too far
+# away. Which places these are, the agent must find out.
 #
 # ## Recap
 #
-# - Three yes-or-no layers describe the city.
 # - The SNR in dB is the link budget, minus the path loss $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
-# - At a ground distance of 10 m or more from the device, a building in between costs more than nine
-#   tenths of the data.
-# - Fading is luck in decibels. On average it raises the rate, because the rate is convex in
-#   decibels.
 #
 # ## Exercises
 #

@@ -48,8 +48,8 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Follow one ray with a pencil, turn what you see into a test with whole numbers, and map the shadows of a whole city |
-# | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and what a table of all pairs of cells is good for |
+# | **What you'll do** | Follow one ray with a pencil, and map the shadows of a city |
+# | **What you'll learn** | Exact geometry without rounding, and what happens at a corner |
 # | **What you'll need** | Notebook 1, the equation of a line. 35 minutes to read, 10 seconds to run; 30 minutes of exercises |
 #
 # Move the device: change `(7, 9)`, run the cell again, and watch the shadows change.
@@ -63,11 +63,8 @@ figure
 # link in sight. (Such a link still works, because some of the signal arrives by reflection and by
 # bending round edges, which is called *diffraction*.)
 #
-# This model of line of sight is flat: to keep things simple, it ignores height. In a city with low
-# buildings, such as `harbour`, a UAV above a low building has no device in sight, although from a
-# real roof you could look down into the street. A model with heights would have to ask at each
-# building on the way whether the ray, which climbs steadily from the device to the UAV, is still
-# below the roof.
+# This model of line of sight is flat: it ignores height. A UAV above a low building has no device
+# in sight, although from a real roof you could look down into the street.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 
@@ -124,10 +121,10 @@ figure
 # A program need not look at all four corners, because the number in the middle of the cell is
 # enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (not doubled, unlike the
 # numbers in the drawing). From there to a corner, the row and the column each change by ½, so the
-# number changes by at most $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly 3.5, up
-# at one and down at the other. One of these corners therefore has a positive number and the other a
-# negative one, and the ray crosses the cell. In the middle of cell (0, 2) the number is 4. A change
-# of 3.5 cannot take it below 0, so the ray misses this cell. In general:
+# number changes by at most $(2 + 5)/2 = 3.5$, and at two opposite corners by exactly that, up at
+# one and down at the other. One of them therefore has a positive number and the other a negative
+# one, and the ray crosses the cell. In the middle of cell (0, 2) the number is 4, and a change of
+# 3.5 cannot take it below 0: the ray misses this cell. In general:
 #
 # $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{|R| + |C|}{2}.$$
 #
@@ -145,10 +142,9 @@ assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 # between the ray's two ends.
 #
 # All numbers in the test are whole, so nothing has to be rounded. This matters wherever a ray
-# passes through a corner. In a larger city, the ray from (0, 0) to (7, 25) passes exactly through
-# the point at row 3.5 and column 12.5, where four cells meet. In ordinary floating-point
-# arithmetic, `7 / 25 * 12.5` is 3.5000000000000004, so the ray seems to miss this point. Such rays
-# are not rare: in a city made of squares, many rays meet corners.
+# passes exactly through a corner, as many do in a city made of squares. In a larger city, the ray
+# from (0, 0) to (7, 25) passes through the point at row 3.5 and column 12.5. In ordinary
+# floating-point arithmetic, `7 / 25 * 12.5` is 3.5000000000000004, so the ray seems to miss it.
 #
 # ## 2.2 At a corner
 #
@@ -177,31 +173,27 @@ figure
 # different corners. Two buildings at the same corner do block it, because walls that meet leave no
 # gap.
 #
-# Other rules for corners are possible. What matters is that one rule holds at all corners, and that
-# it gives the same answer in both directions.
+# Other rules are possible. What matters is that one rule holds at all corners and gives the same
+# answer in both directions.
 #
 # ## 2.3 A whole city
 #
 # Which cells a ray crosses depends only on how far it goes down and to the right, not on where it
-# starts, so the library works out the crossed cells only once for each such displacement. The
-# library then shifts the whole layer of buildings under the ray. In this way, a few array
-# operations give the answers for all pairs of cells with this displacement.
+# starts. So the library works out the crossed cells once for each such displacement, and shifts the
+# whole layer of buildings under the ray.
 #
-# The result is a table with four indices, two for the device's cell and two for the UAV's. Each
-# entry says whether a device and a UAV in these cells see each other. The table is computed only
-# once per city, because buildings do not move. During a flight the program only looks up entries in
-# the table, so the devices may stand elsewhere in the next mission at no extra cost. The table has
-# $16^4 = 65{,}536$ entries, because every cell is paired with every cell, itself included. For a
-# city with twice as many cells on each side, the table has 16 times as many entries, and the rays
-# are twice as long.
+# The result is a table with four indices, two for the device's cell and two for the UAV's: $16^4 =
+# 65{,}536$ answers to the question whether the two see each other. It is computed once per city,
+# because buildings do not move. During a flight the program only looks up entries, so the devices
+# may stand elsewhere in the next mission at no extra cost.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
 assert (sight == sight.transpose(2, 3, 0, 1)).all()
 
 # %% [markdown]
-# The last line of code swaps the two ends of every ray, and nothing changes: if the device sees the
-# UAV, the UAV sees the device.
+# The last line swaps the two ends of every ray, and nothing changes: if the device sees the UAV,
+# the UAV sees the device.
 #
 # How much of the city can be seen from each cell?
 
@@ -214,9 +206,8 @@ figure
 
 # %% [markdown]
 # From a building, nothing is in sight. In a street you can see a long way in two directions, and at
-# a crossing in four directions, so crossings are mostly brighter than the stretches of street
-# between them. For a UAV the bright cells are good places, because more devices are likely to be in
-# sight from there.
+# a crossing in four. For a UAV the bright cells are good places, because more devices are likely to
+# be in sight from there.
 #
 # ## 2.4 Several devices
 #
@@ -238,10 +229,6 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 # There is no cell from which the UAV sees all three devices; from the palest cells it sees two.
 # Hovering in one good place is not enough here, so the UAV has to travel. Which places should it
 # visit, and in which order? Deciding this is the agent's task.
-#
-# The library is not the only program that draws such shadows. The authors' published code traces
-# its rays by a different method, which makes mistakes; [notebook 13](13_any_city.ipynb) compares
-# the two methods over many cities.
 #
 # ## Recap
 #

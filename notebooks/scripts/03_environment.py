@@ -45,9 +45,9 @@ trajectory_figure(environment, flights.trajectory(0))
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Step through a flight, add up its rewards, trigger the safety controller, follow four slots, and fly by hand |
-# | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
-# | **What you'll need** | Notebooks 1 and 2. 45 minutes to read, 10 seconds to run; 35 minutes of exercises |
+# | **What you'll do** | Step through a flight, trigger the safety controller, and fly by hand |
+# | **What you'll learn** | State, action, reward and end: the paper's Markov decision process |
+# | **What you'll need** | Notebooks 1 and 2. 35 minutes to read, 10 seconds to run; 35 minutes of exercises |
 #
 # ## 3.1 The state
 #
@@ -62,8 +62,8 @@ trajectory_figure(environment, flights.trajectory(0))
 #        reward, next state
 # ```
 #
-# The *state* holds everything that matters for what comes next. Here is the state at the start of
-# the mission:
+# The *state* holds everything that matters for what comes next. At the start of the mission it is
+# this:
 
 # %%
 state = mission.state
@@ -71,22 +71,17 @@ for name, value in vars(state).items():
     print(f"{name:<13} {value.tolist()}")
 
 # %% [markdown]
-# Here a cell is given by one number, row · 16 + column, so 17 is row 1, column 1. The state has
-# room for five devices, but this episode uses only two. The outer brackets are there because the
-# library can fly many episodes together, as a *batch*.
-#
-# Why does the state contain the time left? With 40 units of time left, flying on may be best. In
-# the same place with only 5 units, the UAV may have to land.
+# Here a cell is given by one number, row · 16 + column, so 17 is row 1, column 1. There is room for
+# five devices; this episode has two. The outer brackets are there because the library can fly many
+# episodes together, as a *batch*.
 #
 # ## 3.2 Actions and one step
 #
-# There are six actions: four moves, hovering and landing. A rule that picks an action in each state
-# is a *policy*.
+# A rule that picks one of the six actions in each state is a *policy*.
 #
-# A step has two parts. The first is luck: the fading of notebook 1 is drawn at random. The second
-# is a *pure function*, that is, a function without luck or memory. State, action and fading go in,
-# and the next state and the outcome of the step come out. Fading does not change where the UAV
-# goes, so luck decides only which device sends, and how much.
+# A step has two parts. The first is luck: the fading of notebook 1 is drawn. The second is a *pure
+# function*, without luck or memory: state, action and fading go in, and the next state and the
+# outcome of the step come out.
 
 # %%
 import numpy as np
@@ -105,18 +100,17 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 #
 # The sign ~ means “is drawn from”, and the dot stands for the next state. The distribution depends
 # only on the present state $s_t$ and the action $a_t$, not on how the UAV reached this state. A
-# world with this property is a **Markov decision process** (MDP). An MDP has five parts: the
-# states, the actions, the distribution $p$, the reward (3.3), and a discount, which says how
-# strongly later rewards count (notebook 6). Our world is an MDP because fading is drawn anew in
-# every slot; if good luck came in runs, the state would have to include past luck. The time left,
-# too, has to be in the state, because it decides when the episode ends. If an agent sees only part
-# of the state, the process is *partially observable*, and the problem is called a **POMDP**.
+# world with this property is a **Markov decision process** (MDP). It has five parts: the states,
+# the actions, the distribution $p$, the reward (3.3), and a discount, which says how strongly later
+# rewards count (notebook 6). Our world is an MDP because fading is drawn anew in every slot, and
+# because the state contains the time left, which decides when the episode ends. If an agent sees
+# only part of the state, the process is *partially observable*, a **POMDP**.
 #
 # ## 3.3 What a step earns
 #
-# Nobody tells an agent which action is right. Instead, it gets a *reward* for each step. Learning
-# means changing the policy so that the sum of the rewards, the *return*, grows. The reward has four
-# parts (paper, section II-B):
+# Nobody tells an agent which action is right. Instead, it gets a *reward* for each step, and
+# learning means changing the policy so that the sum of the rewards, the *return*, grows. The reward
+# has four parts (paper, section II-B):
 #
 # $$r_t = \text{data uploaded} + r_\mathrm{mov} + r_\mathrm{sc} + r_\mathrm{crash}$$
 #
@@ -127,11 +121,10 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # | $r_\mathrm{sc}$ | −1 | the safety controller intervenes |
 # | $r_\mathrm{crash}$ | −150 | time is up and the UAV has not landed |
 #
-# The paper does not state these values; they are the defaults in the authors' code. For our agent
-# two of them were different: a step cost 0.1, and a crash cost little at first and 150 at the end
-# of training (notebook 7). Here are the rewards of greedy's flight, step by step:
+# The paper does not state these values; they are the defaults in the authors' code. Here are the
+# rewards of greedy's flight, step by step:
 
-# %%
+# %% tags=["hide-input"]
 from matplotlib.figure import Figure
 
 rewards = np.array([step.reward[0] for step in flights.history])
@@ -147,19 +140,13 @@ figure
 # %% [markdown]
 # The black line falls in a step that brings less than 0.2 units of data, and rises in one that
 # brings more. Its last value is the return. An agent that looked no further than the next reward
-# would land at once in this mission, because landing costs nothing. An agent therefore has to learn
-# that a costly step may pay for itself later. When data comes in after thirty steps, which of those
-# steps deserve the credit? This is the problem of **credit assignment**, and notebook 6 is about
-# it.
+# would land at once, because landing costs nothing; it has to learn that a costly step may pay for
+# itself later. When data comes in after thirty steps, which of those steps deserve the credit? This
+# is the problem of **credit assignment** (notebook 6).
 #
 # Why is data paid for when it comes in, and not on landing, when the score counts it? Because a
-# reward paid on landing could come dozens of steps after the move that earned it. A reward paid at
-# once goes to the step that brought in the data. The drawback is that return and score differ, and
-# that it is mainly the penalty for a crash that makes the agent bring its data home (notebook 7).
-#
-# Is 0.2 a good price for a step? At a price of 0 there would be no reason to land before the last
-# moment. At 5, most flights would cost more than they brought in. At 0.2, a detour of ten steps
-# pays if it brings in more than two data units.
+# reward paid at once goes to the step that earned it. The drawback is that it is mainly the penalty
+# for a crash that makes the agent bring its data home (notebook 7).
 #
 # ## 3.4 The safety controller
 #
@@ -177,24 +164,15 @@ for action in (NORTH, NORTH):
     print(f"in cell {flight.state.uav_cell[0]}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# The first move is ordinary: it costs 0.2, but brings in 0.1 data units. The second move would take
-# the UAV off the map, so it hovers instead, at an extra cost of 1. The same happens when the UAV
-# tries to enter a tall building or a no-fly zone, or to land outside the landing zones. The agent
-# of notebook 6 learns from the action that it chose, not from the hovering, because it is the
-# choice that has to be discouraged.
+# The first move costs 0.2, but brings in 0.1 data units. The second move would take the UAV off the
+# map, so it hovers instead, at an extra cost of 1. The agent of notebook 6 learns from the action
+# that it chose, not from the hovering, because it is the choice that has to be discouraged.
 #
-# Why does a wrong move not end the episode? An untrained agent makes a wrong move every few steps,
-# so its episodes would rarely last long enough for much data to come in.
+# The controller is part of the UAV, not of the training: even the trained agent makes a few wrong
+# moves in every hundred missions. One could also remove the forbidden actions from its choices,
+# which is called **masking**; the paper lets the agent try them and pay.
 #
-# The controller is part of the UAV, not of the training. The trained agent still needs the
-# controller, because the agent makes a few wrong moves in every hundred missions, some of them into
-# a wall.
-#
-# One could also remove the forbidden actions from the agent's choices, which is called **masking**.
-# The paper lets the agent try such actions and pay for them, so it must learn where the walls are.
-#
-# One disaster remains: the time is up, and the UAV is still in the air. Nothing is uploaded in a
-# step that ends an episode, whether by a crash or by a landing.
+# One disaster remains: the time is up, and the UAV is still in the air.
 
 # %%
 Quiz("the_last_step")
@@ -205,21 +183,19 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# On average, **even a perfect pilot collects less than 100 % of the data**. Missions are drawn at
-# random, and nobody checks whether all of their data can be collected. Five devices in far corners
-# may be too many for any route of 35 units of time, and fading may bring bad luck. So compare a
-# pilot with the best possible one, not with 100 %.
+# On average, **even a perfect pilot collects less than 100 % of the data**: missions are drawn at
+# random, and nobody checks whether all of their data can be collected. So compare a pilot with the
+# best possible one, not with 100 %.
 #
 # ## 3.5 Who may send: four slots per step
 #
-# Each step has four communication slots, because much can change within a move of 10 m: for
-# example, the UAV may come round a corner. In each slot *one* device sends: the loudest of those
-# with data left, that is, the one with the best SNR. Sharing a channel by taking turns in time is
-# called **time division multiple access**, or TDMA (paper, eq. 3). The data that a step brings in
-# is the sum over its slots (eq. 4).
+# Each step has four communication slots, because much can change within a move of 10 m. In each
+# slot *one* device sends: the loudest of those with data left, that is, the one with the best SNR.
+# Sharing a channel by taking turns is called **time division multiple access**, or TDMA (paper, eq.
+# 3). The data that a step brings in is the sum over its slots (eq. 4).
 #
-# In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
-# only 1.5 units of data left:
+# In the next figure the UAV hovers between three devices, two cells from each. Device 2 has only
+# 1.5 units left:
 
 # %%
 from uavdh_lite.plotting import device_colour, draw_city
@@ -229,7 +205,7 @@ fading = environment.draw_fading(between, np.random.default_rng(19))
 after, outcome = environment.transition(between, np.array([HOVER]), fading)
 snr_db = environment.snr_db(between, after.uav_cell, fading)[0]
 
-# %%
+# %% tags=["hide-input"]
 figure = Figure(figsize=(6, 2.6), layout="constrained")
 ax = figure.subplots()
 for slot, device in np.ndindex(4, 3):
@@ -241,24 +217,17 @@ ax.set(xlabel="communication slot", ylabel="device", xticks=range(1, 5), yticks=
 figure
 
 # %% [markdown]
-# Each column is a slot, and the coloured box in it marks the device that sends. In the first two
-# slots device 2 happens to be the loudest. In slot 2 it can send only the little data that it still
-# has. Then it is empty, and the loudest of the others sends.
+# Each column is a slot, and the coloured box in it marks the device that sends. In slot 2 device 2
+# is the loudest, but can send only the little data that it still has. Then it is empty, and the
+# loudest of the others sends.
 #
-# Choosing the loudest uses luck: each device has its own fading, and the more devices compete, the
-# likelier it is that one of them is lucky. With five equally strong links of 0 dB the loudest
-# carries 1.31 units in a slot on average, and a single one 1.02. This is called **multi-user
-# diversity**.
+# Choosing the loudest uses luck: the more devices compete, the likelier it is that one of them is
+# lucky. With five equally strong links of 0 dB the loudest carries 1.31 units in a slot on average,
+# and a single one 1.02. This is **multi-user diversity**. But the rule takes no account of how much
+# data a device has, or of fairness: a device that is never the loudest never sends.
 #
-# But the rule takes no account of how much data a device has, or of fairness. The loudest device
-# gets the whole slot, even if it has only 0.1 units left to send, and a device that is never the
-# loudest never sends. The rule therefore need not give the best schedule.
-#
-# Why is "serve device 2" not one of the agent's actions? If it were, the agent would have to learn
-# what a simple rule already does well.
-#
-# From slot to slot the UAV moves on: in slot $i$ it has flown $i/4$ of its move. In the next figure
-# it flies east, past the corner of a building. Fading is left out:
+# In slot $i$ the UAV has flown $i/4$ of its move. In the next figure it flies east, past the corner
+# of a building. Fading is left out:
 
 # %%
 corner = Mission(environment.city, (4, 2), ((5, 4),), (50,), 30).state
@@ -273,19 +242,14 @@ right.set(xlabel="communication slot", ylabel="data units uploaded", xticks=rang
 figure
 
 # %% [markdown]
-# The dots show where the UAV is in the four slots, and the cross is the device. In slot 1 the
-# building is in the way. From slot 2 on, the device is in sight, and each slot carries a little
-# more data than the one before. How does the program know what is in sight? The table of notebook 2
-# has one answer for each *cell*, whereas the UAV is now between two cells, so the nearer cell
-# decides whether the device is in sight. Halfway, in slot 2, the two cells are equally near, and
-# then the cell ahead counts.
+# The dots show where the UAV is in the four slots. In slot 1 the building is in the way. The table
+# of notebook 2 has one answer for each *cell*; between two cells the nearer one decides, and
+# halfway, in slot 2, the cell ahead.
 #
 # ## 3.6 Fly it yourself
 #
 # Now go back to the mission in the first picture. From the two white cells in the west the UAV sees
-# both devices, one along the street and the other along the edge of the city.
-#
-# Here is a plan. Change it, run the cell, and try to do better:
+# both devices. Here is a plan. Try to do better:
 
 # %%
 plan = "south south south east east east hover west west west west".split()
@@ -304,11 +268,9 @@ for name, each in flown.items():
 assert flown["by hand"].returns > flown["greedy"].returns + 5
 
 # %% [markdown]
-# The plan brings all the data home, but greedy does not. Greedy flies towards the nearer device
-# until that device is empty, and from there it is a long way to the other. You had a map of the
-# shadows to plan with. The agent has no such map, yet it, too, brings everything home.
-#
-# In the lab *Fly* you can fly many more missions, with the arrow keys.
+# The plan brings all the data home, but greedy does not: it empties the nearer device, and from
+# there it is a long way to the other. You had a map of the shadows to plan with. The agent has
+# none, yet it, too, brings everything home.
 #
 # ## Recap
 #

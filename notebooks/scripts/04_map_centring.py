@@ -13,9 +13,8 @@
 # five pictures and one number, the remaining flying time.
 #
 # Here are the pictures for a UAV over cell (8, 4), at the start of a mission with devices at (4, 7)
-# and (11, 11). Dark blue stands for large numbers and white for zero. The UAV itself is not in the
-# pictures that the network gets, because it is always in the middle; we have marked the place with
-# a small triangle.
+# and (11, 11). Dark blue stands for large numbers. The UAV itself is not in the pictures, because
+# it is always in the middle; we have marked the place with a small triangle.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -51,19 +50,18 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Look through the agent's eyes, stop its clock, and move the world around the UAV |
-# | **What you'll learn** | The layers of the map, map centring, and why the input has this form and no other |
-# | **What you'll need** | Notebooks 0 to 3. 40 minutes to read, 30 seconds to run; 24 minutes of exercises |
+# | **What you'll do** | Look through the agent's eyes, stop its clock, and move the world around it |
+# | **What you'll learn** | The layers of the map, map centring, and why the input has this form |
+# | **What you'll need** | Notebooks 0 to 3. 35 minutes to read, 30 seconds to run; 24 minutes of exercises |
 #
 # ## 4.1 The layers
 #
 # Each picture is a **layer** of the map. Three show the city: where to land, where not to fly, and
 # what blocks radio signals. Two show the data: how much each device still has, and how much the UAV
-# has collected from it. (If two devices shared a cell, these layers could show only the sum of
-# their data.) The last picture is empty because the flight has not begun. None of the five shows
-# the fading, the rate of a link or the shadows of notebook 2. Whatever the agent knows about
-# shadows, it must therefore work out from the layer of buildings or, if it flies in a single city,
-# learn by heart.
+# has collected from it. The last picture is empty because the flight has not begun. None of the
+# five shows the fading, the rate of a link or the shadows of notebook 2. Whatever the agent knows
+# about shadows, it must therefore work out from the layer of buildings or, if it flies in a single
+# city, learn by heart.
 #
 # The UAV is always in the middle of the *frame*, the square that each picture fills. This is called
 # **map centring** (paper, section III-C), the paper's second idea, after the map itself.
@@ -75,11 +73,10 @@ Quiz("frame_size")
 
 # %% [markdown]
 # A city with $M$ cells on each side needs a frame that is $2M-1$ cells wide. When the UAV is at one
-# edge of the city, the opposite edge is $M-1$ cells away. The UAV can be at any edge, so the frame
-# has $M-1$ cells on each side of the UAV's own cell, and the whole city is in the picture wherever
-# the UAV is. (Section 5.7 asks whether a network reads all of the picture.) Outside the city the
-# layer "no-fly zone" is 1, because leaving the city is refused just as entering a no-fly zone is.
-# All other layers are 0 there.
+# edge of the city, the opposite edge is $M-1$ cells away. So with $M-1$ cells on each side of the
+# UAV's own, the whole city is in the picture wherever the UAV is. (Section 5.7 asks whether a
+# network reads all of it.) Outside the city the layer "no-fly zone" is 1, because leaving the city
+# is refused just as entering a no-fly zone is.
 #
 # ## 4.2 The stopped clock
 #
@@ -104,14 +101,12 @@ for units in (50, 15, 14):
 
 # %% [markdown]
 # One device is far to the north, the other is nearer, in the west, and the nearest landing zone is
-# in the south-east. The five pictures are the same each time, but the agent's actions are not. With
-# 50 or 15 units of time left, the agent makes for the near device. With 14 it turns for home in
-# time: from the next cell to the west, the way home would take 14 units, with 13 left. From the
-# pictures alone the agent could not tell these cases apart.
+# in the south-east. With 50 or 15 units of time left, the agent makes for the near device. With 14
+# it turns for home: from the next cell to the west, the way home would take 14 units, with 13 left.
+# From the pictures alone it could not tell these cases apart.
 #
-# To see how much the time matters, let the agent fly 200 missions with a **stopped clock**. The
-# agent sees the true pictures, but the time it is shown never changes. The true time runs out
-# nevertheless.
+# Now let the agent fly 200 missions with a **stopped clock**: it sees the true pictures, but the
+# time it is shown never changes.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -138,25 +133,24 @@ figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
 # With 5 units on the clock, most UAVs never leave the landing zone. More than half of all UAVs
-# land, but with little data. Nearly all the others stay over the zone until the true time is up,
-# because on a clock that stands still the moment to land never comes.
+# land, with little data; nearly all the others hover there until the true time is up, because on a
+# clock that stands still the moment to land never comes.
 #
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
 # the air when the true time is up, and with 50 or 60 units most are. Most of those that crash have
-# nothing left to collect. Flying home at once would then give the highest return, because each step
-# costs something. But one more step changes the Q-value by no more than the step's price, which was
-# 0.1 in training, and such a small difference is easily lost in the network's errors. A stopped
-# clock never warns them, so none gives a score (orange) near that of the true clock (black).
+# nothing left to collect, so flying home would be best, because each step costs something. But one
+# step more changes the Q-value by only 0.1, the price of a step in this agent's training, and so
+# small a difference is easily lost in the network's errors. No stopped clock gives a score (orange)
+# near that of the true clock (black).
 #
 # Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
-# because the future would depend on something that the agent could not see. The problem would be
-# *partially observable*, a **POMDP** (3.2). With the time it is not a POMDP, because map and time
-# together hold all of the state that matters (if the network reads all of it; see 5.7).
+# because the future would depend on something that the agent could not see: a **POMDP** (3.2). With
+# the time, map and time together hold all of the state that matters (if the network reads all of
+# it).
 #
-# The layer "data left" is there for the same reason. Without this layer the agent would not see a
-# device until some of its data had come in, and even then it would not see how much was left, so it
-# could not tell when to fly on. The layer "data collected" could be left out, because the future
-# does not depend on it; it is there because the paper has it.
+# The layer "data left" is there for the same reason: without it the agent could not tell when to
+# fly on. The layer "data collected" could be left out, because the future does not depend on it; it
+# is there because the paper has it.
 #
 # ## 4.3 Two frames
 #
@@ -178,69 +172,62 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # same facts, but a place in the picture means something different in each. In the centred frame it
 # stands for a *relative* position, such as "three cells north of me". In the fixed frame it stands
 # for an *absolute* position, such as "cell (4, 7)". Most of what a pilot has to know is relative: a
-# wall just to the north stops the UAV in any street. Notebook 5 shows with a small example what the
-# centred frame is worth, and notebook 8 asks whether it helps an agent to fly.
+# wall just to the north stops the UAV in any street.
 #
 # Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the
-# other? Then the picture would need only $M$ cells on each side, about a quarter as many in all.
-# But rolling misrepresents distances: a device at the far eastern edge would appear just west of a
-# UAV at the western edge. The frame of $2M-1$ cells is the smallest in which every *displacement*
-# from the UAV has a place of its own.
+# other? Because a device at the far eastern edge would appear just west of a UAV at the western
+# edge. The frame of $2M-1$ cells is the smallest in which every *displacement* from the UAV has a
+# place of its own.
 #
 # A centred picture can also be rotated in steps of 90° and mirrored, as long as the action is
-# changed with it (north becomes west, say). A single step of a flight thus gives eight examples to
-# learn from, four directions and their mirror images. This *data augmentation* is allowed because
-# neither the radio nor the moves favour any direction; with wind, or with an antenna that points
-# north, it would be wrong. The agents of notebooks 9 and 12 that learn by copying are trained in
-# this way, but the DDQN agent of this course is not.
-#
+# changed with it (north becomes west, say). A single step thus gives eight examples (**data
+# augmentation**), because neither the radio nor the moves favour any direction. The agents that
+# learn by copying (notebook 9) are trained in this way; the DDQN agent is not:
+
+# %% tags=["hide-input"]
+seen = seen_from((8, 4))
+views = {"as it is": seen, "a quarter turn": torch.rot90(seen), "mirrored": torch.fliplr(seen)}
+draw_maps(views, uav=(15, 15))
+
+# %% [markdown]
 # ## 4.4 Why pictures?
 #
 # A mission could be described by far fewer numbers than five pictures hold: the UAV's cell, and for
-# each device its cell and its data. Three arguments nevertheless favour pictures.
+# each device its cell and its data. Why pictures?
 #
-# - **The number of devices may vary.** A list for five devices has no room for a sixth, and with
-#   only two devices, three of its entries mean nothing. A map has room for any number of devices,
-#   so neither the size of the input nor the network **depends on how many there are**. The same
-#   agent flies missions with two devices and with five. It would accept twenty devices, too, but
-#   may fly badly with them: in training it never saw such full maps or such large returns, and a
-#   network can be trusted only with inputs like those it has learned from.
-# - **The order does not matter.** In a list, "device 1 here, device 2 there" and "device 2 here,
-#   device 1 there" look different, although they are the same mission, and a network would have to
-#   learn both. On the map they are the same picture.
-# - **The city can be seen together with the devices.** A device behind a building forms a pattern
-#   in the picture. In a list of numbers the building does not appear, so everything about the city
-#   would have to be learned by heart.
+# - **The number of devices may vary.** A list for five devices has no room for a sixth. A map has
+#   room for any number, so neither the size of the input nor the network **depends on how many
+#   there are**. It would accept twenty devices, too, but may fly badly with them: a network can be
+#   trusted only with inputs like those it has learned from.
+# - **The order does not matter.** In a list, "device 1 here, device 2 there" and the reverse look
+#   different, although they are the same mission, and a network would have to learn both:
+
+# %%
+for places, data in (([(4, 7), (11, 11)], [15, 10]), ([(11, 11), (4, 7)], [10, 15])):
+    seen = centred(Mission(city, (8, 4), places, data, 50).state)[0]
+    print(places, data, "the same map:", bool((seen == maps).all()))
+
+# %% [markdown]
+# **The city can be seen together with the devices.** A device behind a building forms a pattern in
+# the picture. In a list the building does not appear.
 #
 # The price of pictures is size: 4805 numbers instead of about twenty. A network with a separate
 # adjustable number, a *weight*, for each of them would have to learn the same pattern again for
 # each place in the picture. Therefore the agent's network begins with *convolutions* (notebook 5),
-# which look for the same pattern in many places. (If a convolution moves on by several cells at a
-# time, by a *stride* of three, say, it recognises a pattern that has moved only if it has moved by
-# three, six or nine cells.)
+# which look for the same pattern in many places.
 #
-# When the *task* changes, it often suffices to add or remove a layer. Take two other tasks, and
-# decide for each what you would change in the state, the reward and the network's input, before you
-# read on.
+# When the *task* changes, it often suffices to add or remove a layer. Say the **devices move**
+# through the streets while the UAV flies. What would you change in the state, the reward and the
+# network's input? Decide before you read on.
 #
-# **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches each
-# from the landing zone. *The state* now says whether a parcel is on board, and the layer "data
-# left" becomes "parcels expected here". *The reward* is for each delivery. *The input* loses the
-# layer of buildings, which says what blocks radio signals; the no-fly layer stays. But the same
-# picture calls for one action with a parcel on board and for another without one, so "on board"
-# becomes one more input number beside the time. That is enough if any parcel will do at any place.
-# If each parcel has an address, the map must show where the parcel on board has to go, or the
-# problem is a POMDP.
+# The reward stays. If each of their steps is independent of the one before, their present places
+# are enough for the state, and the layers stay as they are. If they keep their direction, one
+# picture does not show it, and the task is a POMDP. There are three remedies: a layer that shows
+# the directions, the last few pictures together (**frame stacking**), or a network with a memory (a
+# **recurrent** network).
 #
-# **Devices that move.** They roam the streets while the UAV flies. The reward stays. The next state
-# now also depends on where the devices happen to go. If each of their steps is independent of the
-# one before, their present places are enough for the state, and the layers stay as they are. If
-# they keep their direction, one picture does not show this direction, and the task is a POMDP.
-# There are three remedies: a layer that shows the directions, the last few pictures together
-# (**frame stacking**), or a network with a memory (a **recurrent** network).
-#
-# Six more tasks, from a battery that is swapped to two UAVs, are on the page [Other
-# tasks](../docs/tutorials/other_tasks.md).
+# Other tasks, from parcels to two UAVs, are on [a page of their
+# own](../docs/tutorials/other_tasks.md).
 #
 # ## Recap
 #

@@ -40,8 +40,8 @@ SVG(data_folder() / "figures/network.svg")
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Build a neuron, train it by hand, follow a slope backwards, let three networks answer one question, and write the network of your agent |
-# | **What you'll learn** | Neuron, loss, gradient descent, backpropagation, convolution, stride, receptive field, PyTorch's training loop |
+# | **What you'll do** | Build a neuron, train it, and write the network of your agent |
+# | **What you'll learn** | Loss, gradient descent, backpropagation, convolution, PyTorch's training loop |
 # | **What you'll need** | Notebook 4 and derivatives. 40 minutes to read, 40 seconds to run; 42 minutes of exercises |
 #
 # ## 5.1 A neuron
@@ -65,15 +65,14 @@ weights = np.array([[-1, 0, 1]] * 3)
 draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
 
 # %% [markdown]
-# With a bias of 0, the output is 3, the sum of the numbers on the right. These weights add the right
-# column and subtract the left one. A neuron thus asks a question about its inputs, and its weights
-# say which: here, whether something is on the right and nothing on the left.
+# With a bias of 0, the output is 3, the sum of the numbers on the right. This neuron asks whether
+# something is on the right and nothing on the left.
 #
-# Neurons with the same inputs form a **layer**. A layer is **fully connected**, or *dense*, if each
-# of its neurons has a weight for every input. Two layers can do no more than one, because a weighted
-# sum of straight lines is again a straight line. So between them, something has to bend the lines:
-# the **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others.
-# Here are three bent lines and their sum:
+# Neurons with the same inputs form a **layer**, which is **fully connected**, or *dense*, if each
+# has a weight for every input. Two layers can do no more than one, because a weighted sum of
+# straight lines is again a straight line. So between them, something has to bend the lines: the
+# **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others. Here
+# are three bent lines and their sum:
 
 # %% tags=["hide-input"]
 from matplotlib import pyplot as plt
@@ -92,13 +91,12 @@ ax.legend();
 # ## 5.2 Going downhill
 #
 # At first all weights are random, because neurons with equal weights would learn the same thing. A
-# **loss** measures how wrong the output is. Its *slope* with respect to a weight says whether the
-# loss grows or shrinks when the weight grows. To step downhill, change the weight by minus the slope
+# **loss** measures how wrong the output is, and its *slope* with respect to a weight says whether
+# it grows or shrinks when the weight grows. To step downhill, change the weight by minus the slope
 # times a small number, the **learning rate**. This is **gradient descent**; the *gradient* is the
 # list of all slopes.
 #
-# Take a neuron with one weight and no bias. The input is 3 and the output should be 6, so the
-# weight should become 2.
+# Take a neuron with one weight and no bias. The input is 3 and the output should be 6.
 
 # %%
 w = [0.0]
@@ -114,19 +112,18 @@ ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
 # The weight settles at the bottom. Now break it: with a learning rate of 0.2 each step jumps across
-# the valley and lands higher up on the other side, and with 0.0002 the weight hardly moves. A number
-# like this one, chosen rather than learned, is a **hyperparameter**.
+# the valley and lands higher up on the other side, and with 0.0002 the weight hardly moves. A
+# number like this one, chosen rather than learned, is a **hyperparameter**.
 #
-# The slope has the input, 3, as a factor, so the weight of an input of 70 takes far larger steps than
-# that of an input of 1: many recipes scale data and time to small numbers. And because the slope of a
-# squared error grows with the error, one error of 150 pulls as hard as 150 errors of 1; the **Huber
-# loss**, a straight line further out, limits that.
+# The slope has the input, 3, as a factor, so a weight with a large input takes large steps; that is
+# why many recipes scale data and time to small numbers. It also grows with the error, so one error
+# of 150 pulls as hard as 150 errors of 1; the **Huber loss**, a straight line further out, limits
+# that.
 #
 # ## 5.3 Backpropagation
 #
-# Only the last layer feeds the loss directly. How does a weight in the first layer learn which way
-# is down? By the chain rule. Here is the smallest network with two layers, whose output $y$ should
-# be 6.
+# How does a weight in the first layer learn which way is down? By the chain rule. Here is the
+# smallest network with two layers, with $w_1=0.5$ and $w_2=2$. Its output $y$ should be 6.
 #
 # ```text
 #  forward      x = 3  ──×w₁──▶  h = 1.5  ──ReLU──▶  1.5  ──×w₂──▶  y = 3  ──▶  loss (y−6)² = 9
@@ -136,16 +133,17 @@ ax.set(xlabel="weight", ylabel="loss");
 #                                                └──×1.5──▶   −9 at w₂
 # ```
 #
-# Read the slopes from right to left. If $y$ grows a little, the loss changes by $-6$ times as much. If
-# $w_2$ grows, $y$ grows $h=1.5$ times as much: the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$ grows,
-# $y$ grows $w_2=2$ times as much: the slope at $h$ is $-12$. (Where a ReLU gives 0, its slope is 0, and
-# the weights before it learn nothing.) If $w_1$ grows, $h$ grows $x=3$ times as much: the slope at $w_1$
-# is $-36$. Each slope is the one to its right times a number known from the forward pass, so one
-# backward pass gives the slopes of *all* weights. This is **backpropagation**.
+# Read the slopes from right to left. If $y$ grows a little, the loss changes by $-6$ times as much.
+# If $w_2$ grows, $y$ grows $h=1.5$ times as much: the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$
+# grows, $y$ grows $w_2=2$ times as much: the slope at $h$ is $-12$. (Where a ReLU gives 0, its
+# slope is 0, and the weights before it learn nothing.) If $w_1$ grows, $h$ grows $x=3$ times as
+# much: the slope at $w_1$ is $-36$. Each slope is one to its right times a number that the forward
+# pass has left, so one backward pass gives the slopes of *all* weights. This is
+# **backpropagation**.
 #
 # ### PyTorch, as much as the course needs
 #
-# PyTorch's arrays, **tensors**, remember how they were computed, so slopes can be followed backwards.
+# PyTorch's arrays, **tensors**, remember how they were computed, so slopes can be followed back.
 #
 # | what it does | a line of code |
 # | --- | --- |
@@ -158,7 +156,7 @@ ax.set(xlabel="weight", ylabel="loss");
 # | a second network with the same weights | `other = copy.deepcopy(net)` |
 #
 # Mind the shapes: a column (5, 1) minus a list (5,) is a table of 5 × 5, and nothing warns you. The
-# network of the drawing, in PyTorch:
+# network of the drawing:
 
 # %%
 w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # note all operations on these
@@ -170,8 +168,7 @@ print("loss", loss.item(), "slopes", [slope.item() for slope in slopes])
 # %% [markdown]
 # ## 5.4 Five lines of PyTorch
 #
-# This function trains a network on examples `x` with the right answers `y`. Nearly every training
-# program has the five lines explained below.
+# This function trains a network on examples `x` with the right answers `y`:
 
 # %%
 from torch import nn
@@ -187,18 +184,17 @@ def train(model, x, y, updates=400):
         optimiser.step()
 
 # %% [markdown]
-# - **Adam** divides each weight's steps by the usual size of the slopes for that weight, so that all
-#   weights take steps of similar length; `lr` is the learning rate.
-# - The loss is a mean over a **minibatch**, because using all examples would take longer, and a
-#   single one would be too noisy.
-# - `zero_grad` forgets the old slopes (otherwise the new ones are added to them), `backward` is
-#   backpropagation, and `step` moves every weight downhill.
+# - **Adam** divides each weight's steps by the usual size of its slopes, so that all weights take
+#   steps of similar length.
+# - The loss is a mean over a **minibatch**: all examples would take longer, a single one would be
+#   too noisy.
+# - `zero_grad` forgets the old slopes, `backward` is backpropagation, and `step` moves every weight
+#   downhill.
 #
 # ## 5.5 A window that moves
 #
-# Move the neuron of 5.1 like a window across a larger picture, and note its output at each
-# place. This is a **convolution**, and the weights are its *kernel*. (Strictly, this is a
-# *cross-correlation*; for learned kernels, the difference does not matter.)
+# Move the neuron of 5.1 like a window across a picture, and note its output at each place. This is
+# a **convolution**, and the weights are its *kernel*.
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -207,24 +203,22 @@ result = torch.nn.functional.conv2d(one, kernel)[0, 0]
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks the building's western edge; red, its eastern one. A kernel $k$ cells wide turns $n$ cells
-# into $n-k+1$; a rim of zeros (**padding**) would keep the size. The same nine weights are used
-# everywhere (**weight sharing**), so what they learn in one place holds in all others. If the building
-# moves one cell east, so does the result (**translation equivariance**).
+# Blue marks the building's western edge; red, its eastern one. The same nine weights are used
+# everywhere (**weight sharing**), so what they learn in one place holds in all others: if the
+# building moves one cell east, so does the result (**translation equivariance**). A kernel $k$
+# cells wide turns $n$ cells into $n-k+1$; a rim of zeros (**padding**) would keep the size.
 #
 # The number of cells by which the window moves each time is the **stride**. A stride of 2 leaves
-# about half as many cells along each side, and makes the network cheaper. It has a price: the
-# result moves along with the picture only if that moves by a multiple of the stride. Moved by a
-# single cell, the building falls between other windows, and what comes out is different.
+# about half as many cells along each side, but now the result moves along with the picture only if
+# that moves by a multiple of 2.
 #
 # ## 5.6 One question, three networks
 #
 # We ask three networks one question: **is a device near the UAV**, within three rows and three
-# columns? The answer is +1 for yes and −1 for no. Our 8000 examples are pairs of a device's cell
-# and a UAV's cell; in half of them the device is near. Every other pair is used for training, the
-# rest for the test. A map *in place* has two layers, one with a 1 in the device's cell and one with
-# a 1 in the UAV's. A *centred* map has one layer, with a 1 at the device's position relative to the
-# UAV.
+# columns? The answer is +1 for yes and −1 for no. In half of our 8000 examples it is near; every
+# other example is kept for the test. A map *in place* has two layers, one with a 1 in the device's
+# cell and one with a 1 in the UAV's. A *centred* map has one layer, with a 1 at the device's
+# position relative to the UAV.
 
 # %%
 from uavdh_lite.course.near_far import near_pairs
@@ -232,8 +226,8 @@ from uavdh_lite.course.near_far import near_pairs
 in_place, centred, y = near_pairs()
 
 # %% [markdown]
-# Two networks see the map in place, one with and one without convolutions; another dense one sees the
-# centred map. Which will succeed?
+# Two networks see the map in place, one with convolutions; another dense one sees the centred map.
+# Which will succeed?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -259,25 +253,20 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
 # The **dense network in place** has learned training pairs by heart, and does little better than
-# guessing on new ones: **overfitting**. A weight of its first layer belongs to an absolute place, such
-# as "device at (4, 7)", and whether a device there is near depends on where the UAV is.
+# guessing on new ones: **overfitting**. Its weights belong to absolute places, such as "device at
+# (4, 7)", and whether that is near depends on where the UAV is.
 #
 # The **convolutions** avoid this: one window sees the UAV and a nearby device *together*, anywhere.
 # With the **centred** map even the dense network is nearly perfect, because the question has become
-# trivial: is the device in a certain square of the picture? (Only 961 different centred maps exist, so
-# most of those in the test have occurred in training.)
-#
-# A window can show whether a device is near, but not whether the landing zone can be reached in time,
-# a whole city away. In the centred frame every displacement is a single place in the picture.
+# trivial: is the device in a certain square of the picture?
 #
 # ## 5.7 The network of your agent
 #
 # Now write the network that you will train in notebook 7. It sees the centred map of the village, a
-# city of 8 × 8 cells, so the map has $2\cdot8-1=15$ cells on a side. Two convolutions with 8 kernels
-# look for what is near, and each kernel makes one new picture, a **feature map**. The flying time
-# belongs to no cell, so it joins the list after the convolutions. The last layer has six neurons
-# without a ReLU, because a Q-value may be negative: **one forward pass gives all six Q-values**
-# (paper, Fig. 2).
+# city of 8 × 8 cells: $2\cdot8-1=15$ cells on a side. Two convolutions with 8 kernels look for what
+# is near, and each kernel makes a new picture, a **feature map**. The flying time joins the list
+# after them. The last layer has six neurons without a ReLU, because a Q-value may be negative:
+# **one forward pass gives all six Q-values** (paper, Fig. 2).
 
 # %%
 class QNetwork(nn.Module):
@@ -293,8 +282,8 @@ class QNetwork(nn.Module):
         return self.head(torch.cat([self.convolutions(maps), time], dim=1))
 
 # %% [markdown]
-# `nn.Conv2d(5, 8, 3, 2)` reads 5 layers with 8 kernels of 3 × 3 that move by 2 cells, and
-# `nn.Flatten` turns pictures into a list. Ask it about the starts of four missions:
+# `nn.Conv2d(5, 8, 3, 2)` reads 5 layers with 8 kernels of 3 × 3 that move by 2 cells. Ask it about
+# four missions:
 
 # %%
 from uavdh_lite.city import load_city
@@ -309,31 +298,12 @@ network = QNetwork(see.side)
 print("map", tuple(maps.shape), "time", tuple(time.shape), "→", tuple(network(maps, time).shape))
 print(f"{sum(weights.numel() for weights in network.parameters()):,} weights")
 
-# %%
-draw_maps(dict(zip(("landing zone", "no-fly zone", "buildings", "data left"), maps[1])), uav=(7, 7))
-
 # %% [markdown]
-# That is the second mission as the network sees it: the UAV in the middle, and no-fly cells all around
-# the village. Its six answers are still random.
-#
-# ### What a unit can see
-#
-# Each number in a layer's output is a *unit*. How much of the map does a unit of the second
-# convolution see? A unit's slope with respect to a cell on which it does not depend is 0:
-
-# %%
-question = torch.rand(1, *maps.shape[1:], requires_grad=True)
-pictures = network.convolutions[:-1](question)  # without the last step, which makes a list
-pictures[0, :, 1, 1].sum().backward()  # the unit in the middle of each picture
-one = (question.grad[0].abs().sum(0) > 0).int()
-question.grad = None
-network.convolutions(question).sum().backward()  # all units
-draw_maps({"one unit": one, "all units": (question.grad[0].abs().sum(0) > 0).int()}, uav=(7, 7))
-
-# %% [markdown]
-# The blue square is the unit's **receptive field**: it sees 3 units of the first convolution along each
-# side, whose windows are 3 cells wide and 2 apart, and $3+2\cdot2=7$. Together the units read the whole
-# map; where windows do not come out even, its last rows are never read.
+# Each number in a layer's output is a *unit*, and what it sees of the map is its **receptive
+# field**. A unit of the second convolution sees 3 units of the first along each side, whose windows
+# are 3 cells wide and 2 apart: $3+2\cdot2=7$ cells. Together the units read all of your map. Where
+# windows do not come out even, the last rows and columns are never read, as in the agent of
+# notebook 0.
 #
 # | layer | recipe `paper`, a city of 16 × 16 | yours |
 # | --- | --- | --- |
@@ -344,21 +314,17 @@ draw_maps({"one unit": one, "all units": (question.grad[0].abs().sum(0) > 0).int
 # | fully connected | 256, 256, 256 | 128, 128 |
 # | weights in all | 2,308,854 | 27,710 |
 #
-# Nearly all weights of the paper's network are in its first dense layer. The number of its inputs grows
-# with the map, so it limits the size of the *city*. (The recipe `lite` also has **layer
-# normalisation**, which shifts and scales a layer's sums to mean 0 and standard deviation 1. And many
-# networks have **pooling**: of each small window they keep the largest number. Ours has none, because
-# it blurs *where* things are.)
+# Nearly all weights of the paper's network are in its first dense layer, whose inputs grow with the
+# map. (Many networks have **pooling**: of each small window they keep the largest number. Ours has
+# none, because it blurs *where* things are.)
 #
 # ## Recap
 #
-# - Gradient descent moves each weight downhill; backpropagation finds all slopes in one backward
-#   pass.
-# - A convolution moves one neuron across a picture, so what the neuron learns in one place holds in
-#   all others. With centred maps, even what a dense network learns in one part of the city holds in
-#   the others.
-# - The network of your agent is written. It does not know anything yet; what it should say is the
-#   subject of [notebook 6](06_ddqn.ipynb).
+# - Gradient descent moves each weight downhill; backpropagation finds all slopes at once.
+# - A convolution moves one neuron across a picture, so what it learns in one place holds in all
+#   others. With centred maps, even a dense network has this.
+# - The network of your agent is written. What it should say is the subject of [notebook
+#   6](06_ddqn.ipynb).
 #
 # ## Exercises
 #

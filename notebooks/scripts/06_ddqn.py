@@ -79,8 +79,9 @@ draw_values([right_values], [""])
 #
 # ## 6.1 A table
 #
-# Here is the task: reaching the device brings 10 units of data and ends the flight; each step costs
-# 0.2. A move against a building or off the grid leaves the UAV where it is.
+# There are four actions, the moves north, east, south and west. Reaching the device brings 10 units
+# of data and ends the flight; each step costs 0.2; a move against a building or off the grid leaves
+# the UAV where it is.
 
 # %%
 def step(cell, action):
@@ -94,9 +95,10 @@ step((0, 0), 0), step((5, 7), 2)
 # %% [markdown]
 # Imagine a table $Q$ with a number for each cell $s$ and action $a$, a **Q-value**: what you earn
 # from that cell on if you take that action and fly well afterwards. The last step brings
-# $10-0.2=9.8$. The step before it costs 0.2 and leads to a cell from which 9.8 can be earned. And so
-# on: a Q-value is the reward $r$ of its own step plus the best Q-value of the next cell $s'$. A
-# factor $\gamma$ a little below 1, the *discount*, makes what comes later count a little less.
+# $10-0.2=9.8$. The step before it costs 0.2 and leads to a cell from which 9.8 can be earned. In
+# general, a Q-value is the reward $r$ of its own step plus the best Q-value of the next cell $s'$,
+# times a factor $\gamma$ a little below 1, the *discount*, so that what comes later counts a little
+# less:
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
@@ -125,52 +127,51 @@ draw_values([learn_table(n) for n in (1, 4, 40)], ["1 flight", "4 flights", "40 
 
 # %% [markdown]
 # After one flight only the cell before the device knows that something good is near. Each further
-# flight carries the news back, until all cells agree with their neighbours (**credit assignment**).
+# flight carries the news back, until all cells agree with their neighbours.
 #
 # The method is **Q-learning**, and the gap $y-Q(s,a)$ is the **TD error** (*temporal difference*).
 # It is *model-free*: it needs steps, and not notebook 3's distribution $p$. In a world with chance,
-# the right-hand side is a mean, and a small $\alpha$ averages good and bad luck.
+# the right-hand side of the Bellman equation is a mean over what may come next, and a small
+# $\alpha$ averages good and bad luck.
 #
 # Now break it. The UAV flew at random, and yet learned what *good* flying is worth, because the
-# target asks for the best next action, $\max$, and not for the one taken next. What if it asks for
-# the mean of all four?
+# target asks for the best next action, $\max$. What if it asks for the mean of all four?
 
 # %%
 draw_values([right_values, learn_table(40, worth=np.mean)], ["the largest", "the mean"])
 
 # %% [markdown]
 # Now the table knows what flying *at random* is worth: hardly anything but the cost of the steps. A
-# method that learns about good flying from the flights of another policy is **off-policy**; the one
-# with the mean, which learns what its own flying is worth, is **on-policy** (*SARSA* is of this
-# kind). An off-policy method may learn from old flights again and again, and soon it will.
+# method that learns about good flying from the flights of another policy is **off-policy**; one
+# that learns what its own flying is worth, like *SARSA*, is **on-policy**. An off-policy method may
+# learn from old flights again and again.
 #
-# **The last step.** If the flight ended, $y$ is $r$ alone; if you forget this, rewards seem to go on
-# after a crash. A mission whose time is up is over, a **termination**. If a simulation merely stops
-# after 1000 steps, that is a **truncation**: more would have followed, and $y$ keeps its second part.
+# **The last step.** If the flight ended, $y$ is $r$ alone; otherwise rewards seem to go on after a
+# crash. A mission whose time is up is over, a **termination**. If a simulation merely stops after
+# 1000 steps, that is a **truncation**: more would have followed, and $y$ keeps its second part.
 #
 # **The discount.** A reward $k$ steps ahead counts $\gamma^k$ times its size (paper, eq. 5 and 6):
 #
 # $$Q(s_t,a_t)=\mathbb{E}\left[\sum_{k}\gamma^k\,r_{t+k}\right]$$
 #
-# Why not $\gamma=1$? Each value is estimated from the next, so errors travel; an error of
-# $\varepsilon$ in the next value is only $\gamma\varepsilon$ in this one, so each round *contracts*
-# them. The price is short-sightedness: the factors add up to $1/(1-\gamma)$, the **horizon**, 20
-# steps for 0.95. A crash that costs 150 and is 60 steps ahead counts only
+# Why not $\gamma=1$? Each value is estimated from the next, so errors travel; with $\gamma<1$ each
+# round *contracts* them. The price is short-sightedness: the factors add up to $1/(1-\gamma)$, the
+# **horizon**, 20 steps for 0.95. A crash that costs 150 and is 60 steps ahead counts only
 # $150\cdot0.95^{60}\approx7$.
 #
 # ## 6.2 A network in the table's place
 #
 # A table for Manhattan would need a row for every combination of positions, times and amounts of
-# data: with five devices more than $10^{13}$ rows. A network computes the Q-values from its inputs
-# instead, here row and column, and answers for cells that it has never seen (**generalisation**). Its
-# weights $\theta$ take a step downhill on the squared error (eq. 7):
+# data, more than $10^{13}$. A network computes the Q-values from its inputs instead, here row and
+# column, and answers for cells that it has never seen (**generalisation**). Its weights $\theta$
+# take a step downhill on the squared error (eq. 7):
 #
 # $$L(\theta)=\mathbb{E}\big[(y-Q_\theta(s,a))^2\big]$$
 #
-# A table may learn from the steps of a flight in order. A network should not, because successive
-# steps are alike, so it fits what it has just seen and **forgets** the rest: the same weights serve
-# all places. And gradient descent works best with independent examples. So all steps go into a
-# **replay memory**, and the network learns from a *minibatch* drawn from it at random. Here is one:
+# A table may learn from the steps of a flight in order. A network should not: successive steps are
+# alike, gradient descent works best with independent examples, and because the same weights serve
+# all places, fitting the latest steps makes it **forget** the rest. So all steps go into a **replay
+# memory**, and the network learns from a *minibatch* drawn from it at random. Here is one:
 
 # %%
 rows = []
@@ -185,10 +186,9 @@ memory = torch.tensor(rows, dtype=torch.float32)
 print(f"{len(memory):,} steps; the last one: {memory[-1].tolist()}")
 
 # %% [markdown]
-# *How large?* A small memory holds little but the last few flights, so it brings back what replay
-# was meant to cure; a large one holds steps of agents that knew less ([notebook 11](11_replay.ipynb)).
-# *Is the newest step in it?* Of 50,000 steps, a minibatch of 128 would hold it once in 400 times. The
-# paper's **combined experience replay** puts it into every minibatch, at the cost of one place.
+# Of 50,000 steps, a minibatch of 128 would hold the newest once in 400 times. The paper's
+# **combined experience replay** puts it into every minibatch. ([Notebook 11](11_replay.ipynb) asks
+# how large a memory should be.)
 #
 # ## 6.3 It explodes
 #
@@ -229,8 +229,8 @@ assert min(path[-1] for path in exploding) > 100
 # All three have exploded. Why, when a table does not? An update raises $Q(s,a)$ towards $y$. In a
 # table nothing else changes. In the network the same weights also make the values of neighbouring
 # cells, so those rise, too, and *the next cell $s'$ is a neighbour*. But $y$ is computed from the
-# values of $s'$: by moving towards the target, the network has pushed the target away. Next time the
-# gap is wider, and the chase goes on.
+# values of $s'$: by moving towards the target, the network has pushed the target away, and the
+# chase goes on.
 #
 # ```text
 #            ┌──────── y = r + γ max Q(s') ◀────────┐
@@ -239,8 +239,8 @@ assert min(path[-1] for path in exploding) > 100
 # ```
 #
 # Three things come together: a network that generalises, targets made from its own estimates
-# (**bootstrapping**), and learning off-policy. This is the *deadly triad*: no theorem promises that
-# such learning ends well.
+# (**bootstrapping**), and learning off-policy. With this *deadly triad* no theorem promises a good
+# end.
 #
 # ### The target network
 #
@@ -277,8 +277,8 @@ ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog",
 
 # %% [markdown]
 # While the online network takes a step, the targets hardly move, so it can catch up. The target
-# network lags about $1/\tau$ updates behind: 20 here, 200 with the paper's $\tau=0.005$. With
-# $\tau=1$ the two would be the same. Are the calm values right?
+# network lags about $1/\tau$ updates behind: 20 here, 200 with the paper's $\tau=0.005$. Are the
+# calm values right?
 
 # %% tags=["hide-input"]
 cells = torch.cartesian_prod(torch.arange(8.0), torch.arange(8.0))
@@ -286,16 +286,16 @@ learned = [online(cells).detach().view(8, 8, 4).numpy() for online in networks[:
 draw_values([right_values, *learned], ["table", "network", "another"])
 
 # %% [markdown]
-# Nearly: the way is found almost everywhere, and the values are a little low, and smoother than
-# those of the table, because two inputs and 64 neurons draw no sharp edges around buildings. Your
-# agent's network sees the buildings.
+# Nearly: the way is found almost everywhere. The values are smoother than the table's, because two
+# inputs and 64 neurons draw no sharp edges around buildings. Your agent's network sees the
+# buildings.
 #
 # ## 6.4 Exploring
 #
-# Random flights find a device in a village. In a large city they rarely get far, so the agent should
-# use what it has learned (**exploitation**). But if it always takes the action that seems best, it
-# may never find out that another is better, so it must also try others (**exploration**). The paper
-# draws actions from a **softmax policy** with the **temperature** $\beta$ (eq. 10):
+# Random flights find a device in a village. In a large city they rarely get far, so the agent
+# should use what it has learned (**exploitation**). But if it always takes what seems best, it may
+# never find out that another action is better (**exploration**). The paper draws actions from a
+# **softmax policy** with the **temperature** $\beta$ (eq. 10):
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
 
@@ -314,20 +314,16 @@ figure, axes = plt.subplots(1, 3, figsize=(7, 2), sharey=True, layout="constrain
 for ax, beta in zip(axes, (0.1, 1, 10)):
     ax.bar(list("NESW"), softmax_policy(q_start, beta)[0])
     ax.set(title=f"β = {beta}", ylim=(0, 1))
-axes[0].set_ylabel("probability")
-print("Broken: ", softmax_policy(torch.tensor([[1000.0, 999.0, 998.0, 0.0]]), 0.1))
+axes[0].set_ylabel("probability");
 
 # %% [markdown]
-# With a low β the UAV nearly always takes one of the best moves; with a high β, any. The line below
-# the figure breaks it: $\exp(10{,}000)$ is more than a float32 holds, and infinity over infinity is
-# *nan*. The probabilities depend only on the gaps between the Q-values, so subtract the row's largest
-# from all of them first; `torch.softmax` does. After training, the agent follows the **greedy
-# policy** (eq. 9) and always takes the best action.
+# With a low β the UAV nearly always takes one of the best moves; with a high β, any. (Only the gaps
+# between the Q-values matter, so `torch.softmax` subtracts the row's largest first, before $\exp$
+# overflows.) After training, the agent follows the **greedy policy** (eq. 9) and always takes the
+# best action.
 #
 # The best-known alternative is **ε-greedy**: a random action with probability ε, else the best. It
-# tries the worst action as often as the second best; but β must fit the size of the Q-values, and ε
-# need not. One could also *mask* actions that the safety controller refuses (3.4), in acting and in
-# the maximum of the target alike. The paper uses penalties; so do we.
+# tries the worst action as often as the second best; but β must fit the size of the Q-values.
 #
 # ## 6.5 Double Q-learning
 #
@@ -339,8 +335,8 @@ Quiz("whose_maximum")
 # %% [markdown]
 # The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth?
 # The one with the luckiest error answers both, so the value comes out too high: a **maximisation
-# bias**. In **double Q-learning** one set of estimates chooses, and another judges. In the paper, the
-# online network chooses and the target network judges (eq. 8):
+# bias**. In **double Q-learning** one set of estimates chooses, and another judges; in the paper,
+# the online network chooses and the target network judges (eq. 8):
 #
 # $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
 
@@ -350,8 +346,8 @@ def double_target(reward, ended, gamma, online_next, target_next):
     return reward + gamma * ~ended * target_next.gather(1, best)[:, 0]  # the target one judges
 
 # %% [markdown]
-# Try it: six actions are all worth 0, and their estimates have random errors. The judge's errors are
-# the chooser's own (that is the plain maximum), related to them, or a stranger's.
+# Try it: six actions are all worth 0, and their estimates have random errors. The judge's errors
+# are the chooser's own (the plain maximum), related to them, or a stranger's.
 
 # %%
 chooser, own = torch.randn(2, 20_000, 6)
@@ -362,23 +358,19 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 
 # %% [markdown]
 # The right target is 0, and only the stranger finds it. The target network, an older copy of the
-# online one, is a related judge, so it removes part of the bias. No constant could: the bias is large
-# where several actions are almost equally good, and nearly 0 where one is clearly best, so it draws
-# the agent to states about which it knows little.
+# online one, is a related judge, so it removes part of the bias.
 #
-# A deep network with a memory, a target network and double targets is a *double deep Q-network*, a
-# **DDQN**.
+# All this together is a *double deep Q-network*, a **DDQN**.
 #
 # ## Recap
 #
 # - The Bellman equation ties each Q-value to those of the next state, so news spreads backwards.
-# - A replay memory makes the examples of a minibatch nearly independent.
+# - A replay memory makes a minibatch's examples nearly independent.
 # - A network that makes its own targets may explode; a slow target network keeps it calm.
 # - The online network chooses, the target network judges.
 #
 # You have now written every part of the algorithm ([the whole on one
-# page](../docs/tutorials/pseudocode.md)). In [notebook 7](07_training.ipynb) they fly over the
-# village.
+# page](../docs/tutorials/pseudocode.md)). In [notebook 7](07_training.ipynb) the parts fly.
 #
 # ## Exercises
 #

@@ -10,8 +10,8 @@
 # # 7 · Your agent learns to fly
 #
 # This is the network of notebook 5 before it has learned anything. Each arrow is the action that it
-# thinks best in that cell. **A minute from now, this network will collect nearly everything and come
-# home, and you will have seen every line that made it.**
+# thinks best in that cell. **A minute from now it will collect nearly everything and come home, and
+# you will have seen every line that made it.**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -61,13 +61,13 @@ Live(Settings(), environment, missions).draw_mission(ax, q_values_of(QNetwork(se
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Write memory, update and loop, train your agent live, turn knobs while it learns, and fly with it |
+# | **What you'll do** | Write memory, update and loop, train your agent live, and turn knobs while it learns |
 # | **What you'll learn** | The training loop, validation, what the curves say, five ways to fail |
 # | **What you'll need** | Notebooks 3 to 6. 40 minutes to read, 60 seconds to run; 60 minutes of exercises |
 #
 # The village has 8 × 8 cells and one or two devices, and the UAV has 20 to 35 units of time. From
-# the earlier notebooks come the centred map (`see`), `QNetwork`, `softmax_policy` and
-# `double_target`; paste your own cells over the imports if you like.
+# the earlier notebooks come the centred map (`see`), `QNetwork`, `double_target` and
+# `softmax_policy`, which now also draws the action.
 #
 # ## 7.1 The memory
 #
@@ -102,8 +102,8 @@ class Memory:
 
 # %% [markdown]
 # Try it: 125 random steps of the 16 UAVs. `after` is stored as the step left it, *before* a new
-# mission takes the place of one that has ended. Stored the other way round, no step in the memory
-# would ever end, and no agent would learn to land.
+# mission takes the place of one that has ended. Otherwise no step in the memory would ever end, and
+# no agent would learn to land.
 
 # %% tags=["hide-input"]
 def random_steps(memory, rounds, generator):
@@ -149,30 +149,8 @@ def beginners(learning_rate=2e-3):
     return online, copy.deepcopy(online), optimiser
 
 # %% [markdown]
-# Try it on the random steps, and break it: the second time every flight seems to go on after its
-# last step, because `ended` is forgotten. What is *landing* worth at the start of a mission? It
-# brings nothing, so it should be 0.
-
-# %%
-from dataclasses import replace
-
-starts = VILLAGE.sample(environment, 100, np.random.default_rng(1))
-for name in ("as it is", "the end forgotten"):
-    online, target, optimiser = beginners()
-    generator = np.random.default_rng(0)
-    for _ in range(400):
-        batch = memory.sample(64, generator)
-        if name != "as it is":
-            batch = (*batch[:3], replace(batch[3], landed=False & batch[3].landed,
-                                         time_left=np.maximum(batch[3].time_left, 1)))
-        update(online, target, optimiser, batch, Settings(target_rate=0.05))
-    land, hover = q_values_of(online)(starts)[:, [5, 4]].mean(0)
-    print(f"{name:<18} landing is worth {land:5.2f}, hovering {hover:5.2f}")
-
-# %% [markdown]
-# Landing should be worth 0. As it is, the estimate is still too high after 400 updates, but far below
-# that of hovering. With the end forgotten, landing seems to be worth almost as much as flying on, as
-# if a flight went on after it: such an agent lands by chance.
+# Without `ended` every flight would seem to go on after its last step, and landing would seem to be
+# worth almost as much as flying on. (Adam's `eps` and `amsgrad` are those of the authors' code.)
 #
 # ## 7.3 How good is it?
 #
@@ -191,14 +169,13 @@ def evaluate(network, missions=100):
 print("untrained: landed {:.0%}, collected and landed {:.0%}".format(*evaluate(beginners()[0])))
 
 # %% [markdown]
-# Three sets of missions are kept apart: those of training, those of validation, by which one chooses
-# which version of an agent to keep, and those of the *test*, for what one reports. The best of many
-# validations is partly luck, like the maximum in 6.5.
+# Three sets of missions are kept apart: those of training, those of validation, by which one
+# chooses which version of an agent to keep, and those of the *test*, for what one reports, because
+# the best of many validations is partly luck, like the maximum in 6.5.
 #
 # ## 7.4 The loop
 #
-# Now everything comes together. The agent makes its own data: a bad agent learns from bad flights,
-# and a good one from good flights.
+# The agent makes its own data: a bad agent learns from bad flights.
 #
 # ```text
 #   act (eq. 10) ──▶ step ──▶ remember ──▶ draw a minibatch ──▶ update ──┐
@@ -206,9 +183,9 @@ print("untrained: landed {:.0%}, collected and landed {:.0%}".format(*evaluate(b
 #    └──────────────── the network now knows a little more ◀────────────┘
 # ```
 #
-# All constants are in `settings`, and each is read anew in every round, so a knob that you turn acts
-# at once. One departs from the authors' code and decides everything: **the price of a crash** grows
-# from 5 to 20, whereas there it is 150 from the start. You'll see why.
+# All constants are in `settings`, which each round reads anew, so a knob acts at once. One departs
+# from the authors' code and decides everything: **the price of a crash** grows from 5 to 20,
+# whereas there it is 150 from the start. You'll see why.
 
 # %%
 async def training(settings, live, seed=0):
@@ -247,10 +224,9 @@ yours = await training(settings, live)
 
 # %% [markdown]
 # The left side is the curve: each point is 100 missions without exploring. The right side is one
-# mission, flown by the agent of that moment: violet ground is hidden from a device, arrows are the
-# flight, and the grey ones show what the agent would do from each cell.
+# mission, flown by the agent of that moment; the grey arrows show what it would do from each cell.
 #
-# You have trained an agent. It is *your agent*, and it comes along to the end of the course:
+# It is *your agent*, and it comes along to the end of the course:
 
 # %%
 from uavdh_lite.agent import Agent
@@ -270,18 +246,15 @@ play(environment, flights.trajectory(0))
 # %% [markdown]
 # ## 7.5 Predict, turn, see
 #
-# Run the training cell again, and turn one knob at a time, the sooner the better. (Knobs act while a
-# cell runs if the kernel passes their messages on, as ipykernel 7.4 does. With another kernel, set
-# the field in the training cell instead, such as `settings.temperature = 1000`.) **Write your guess
-# down first.**
+# Run the training cell again, and turn one knob at a time, the sooner the better. (Knobs act while
+# a cell runs if the kernel passes their messages on, as ipykernel 7.4 does. With another, set the
+# field before, such as `settings.temperature = 1000`.) **Write your guess down first.**
 #
 # 1. *Price of a crash: 150.* What will `landed` do, and what the other curve?
 # 2. *Price of a crash: 0.* Will it still come home?
 # 3. *Target network: frozen*, after some 10,000 steps. What happens to what it has learned?
-# 4. *Memory: 320*, the last twenty steps of each UAV. What does a small memory lack (6.2)?
+# 4. *Memory: 320*, the last twenty steps of each UAV. What does it lack?
 # 5. *Temperature: 1000*. Now it flies at random. Does it still learn?
-#
-# (The lab *Train*, `python -m uavdh_lite app`, has such dials, too, and needs no kernel.)
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -289,29 +262,27 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# <details><summary>What we saw</summary>
+# After 1, an agent usually lands in nearly every mission and brings home little; after 2, it is
+# often still in the air when the time is up. After 3, it learns only what its frozen judge
+# believes, one step ahead. In 4, the examples of a minibatch are all from the same few flights.
+# After 5 it still learns, because Q-learning is off-policy (6.1) and the curve shows it *without*
+# exploring. Compare your curve with the first one, and run it twice.
 #
-# In two runs of 48,000 steps each, with the knob turned from the start: (1) with a price of 150 every
-# mission ended with a landing, and only 20 and 30 % of the data came home; (2) with a price of 0, a third
-# of the missions ended with a landing; (5) flying at random all the time, the agent still learned to
-# bring home 65 and 50 %, because Q-learning is off-policy (6.1) and the curve shows it *without*
-# exploring. Numbers 3 and 4 are yours: compare your curve with the first one, and run it twice.
-# </details>
+# Why does a high price do harm? An agent that has only ever seen crashes concludes that it is best
+# to stay at home. Such a **lazy agent** is the most common failure in this project, and its loss is
+# small: it lands at once, and is always right about what that brings. Why is a low price not
+# enough? Ten steps ahead a price of 20 counts only $20\cdot0.95^{10}\approx12$, less than a device
+# may hold. So the price is low at first and grows.
 #
-# Ten steps ahead a price of 20 counts only $20\cdot0.95^{10}\approx12$, less than a device may hold,
-# so the price must be high in the end; and low at first, because an agent that has only ever seen
-# crashes concludes that it is best to stay at home. The **lazy agent** is the most common failure in
-# this project, and its loss is small: it lands at once, and is always right about what that brings.
-#
-# Why does the agent without a price not come home, although flying home costs it nothing once all
-# data is collected? Landing now instead of hovering until the end saves 0.2 units a step: with all
-# data gone, going home *is* best everywhere. But the differences between the actions are a few tenths
-# of a unit, and a network that is wrong by more than that cannot tell them apart (4.2).
+# And why does the agent without a price not come home, although that costs it nothing once all data
+# is collected? Landing now instead of hovering until the end saves 0.2 units a step, so going home
+# *is* best. But such differences are a few tenths of a unit, and a network that is wrong by more
+# than that cannot tell them apart (4.2).
 #
 # ## 7.6 Reading the curves of a long run
 #
-# Over Manhattan it takes hours. Here are the curves of one run of the recipe `lite`, the means of
-# training flights, in which the agent explores:
+# Over Manhattan training takes hours. Here are the curves of one run of the recipe `lite`, the
+# means of training flights, in which the agent explores:
 
 # %% tags=["hide-input"]
 from uavdh_lite.storage import data_folder, read_table
@@ -324,31 +295,28 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
     ax.set(title=name, xlabel="million steps")
 
 # %% [markdown]
-# At first the agent learns to land. Then **collected** rises while **landed** and the **return** fall,
-# because it flies farther, and exploring makes it late. Later both recover.
+# At first the agent learns to land. Then **collected** rises while **landed** and the **return**
+# fall, because it flies farther. Later both recover.
 #
-# Many people look at the **loss** first, but it tells you least. In notebook 5 the right answers were
-# fixed, so a falling loss meant better answers. Here the targets move with the network: a lazy agent
-# has a small loss, and a bolder one has more to predict. Look at *landed*, *collected* and the time
-# used together; if the Q-values are far above what then comes in, they diverge (6.3); and look at
-# other seeds, because a single dip is often chance. [My agent does not
+# Many people look at the **loss** first, but it tells you least: the targets move with the network,
+# so a lazy agent has a small loss, and a bolder one has more to predict. Look at *landed* and
+# *collected* together, and at other seeds, because a single dip is often chance. If the Q-values
+# are far above what then comes in, they diverge (6.3). [My agent does not
 # learn](../docs/tutorials/does_not_learn.md) is a checklist.
 #
-# `lite` strengthens the method for such a city. Four of its changes show the idea: 32 UAVs side by
-# side; a temperature that falls from 2 to 0.1; a price of a crash that grows from 10 to 150; and
-# targets with three rewards before the Q-value, a *three-step return*, so that news spreads faster:
+# `lite` strengthens the method for such a city. Four changes show the idea: 32 UAVs side by side; a
+# temperature that falls from 2 to 0.1; a price of a crash that grows from 10 to 150; and targets
+# with three rewards before the Q-value, a *three-step return*, so that news spreads faster:
 #
 # $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
 #
-# (If the episode ends within them, the sum ends there. The price: the second and third rewards were
-# earned by an older agent that explored, so the target is a little too low.) The recipe `plain` is the
-# paper's method with nothing added but a network that a processor can afford.
+# The recipe `plain` is the paper's method with nothing added but a network that a processor can
+# afford.
 #
 # ## 7.7 All of it in one file
 #
-# What you wrote stands, under the same names, in
-# `uavdh_lite/one_file.py`, 250 lines. `python -m uavdh_lite.one_file`
-# trains in a terminal; a project or a thesis can start from a copy.
+# What you wrote stands, under the same names, in `uavdh_lite/one_file.py`, 250 lines; a project or
+# a thesis can start from a copy.
 #
 # | name | what it is | written in | paper |
 # | --- | --- | --- | --- |
@@ -364,8 +332,6 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
 # ## Recap
 #
 # - Training is a loop: act, step, remember, draw, update. The agent makes its own data.
-# - A validation flies missions that training never uses, and always takes the best action.
-# - Look at *landed* and *collected* together. The loss tells you least.
 # - A price of a crash that is large from the start makes an agent lazy; without one it has hardly any
 #   reason to come home.
 #

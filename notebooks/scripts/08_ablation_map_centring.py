@@ -61,17 +61,15 @@ axes[0].legend();
 # | --- | --- |
 # | **What you'll do** | Train both arms of the paper's experiment, try a guess, and say how sure you can be |
 # | **What you'll learn** | Ablations, how much seeds differ, Student's interval, pairing, and what an agent knows by heart |
-# | **What you'll need** | Notebooks 4, 5 and 7. 35 minutes to read, 60 seconds to run; 31 minutes of exercises |
+# | **What you'll need** | Notebooks 4, 5 and 7. 40 minutes to read, 60 seconds to run; 31 minutes of exercises |
 #
-# With `plain` the two arms are far apart: without centring the agent hardly learns to fly at all.
-# With `lite` the gap nearly closes. Which of the two is the answer? Let us do the experiment
-# ourselves first.
+# With `plain` the two arms are far apart: without centring the agent brings home less than a third
+# of the data. With `lite` the gap nearly closes. Let us do the experiment ourselves first.
 #
 # ## 8.1 One thing changed
 #
-# An ablation tells us something only if all else is equal: the steps, the missions, the network, the
-# reward. Only what the network sees differs. Here is one state, and the same state with the UAV two
-# cells further east and three further south, as both arms see it:
+# An ablation tells us something only if all else is equal. Here is one state, and the same state
+# with the UAV two cells further east and three further south, as both arms see it:
 
 # %%
 from dataclasses import replace
@@ -98,13 +96,12 @@ draw_maps(pictures)
 # In the centred map everything moves when the UAV moves, and what is one cell east of the UAV is
 # always in the same place of the picture. Without centring the city stays where it is, and one more
 # layer has a single 1 in the UAV's cell. Both maps hold the same information; what differs is how
-# hard it is to use. To know what is *near*, the second network must find that 1 and look around it,
-# wherever it is.
+# hard it is to use: to know what is *near*, the second network must find that 1 and look around it.
 #
 # ## 8.2 Train both arms
 #
-# This is the loop of notebook 7 as the library has it, with the recipe `small`. First your guess:
-# how far apart will the two be after 40,000 steps?
+# This is the loop of notebook 7 with the recipe `small`. First your guess: how far apart will the
+# two be after 40,000 steps?
 
 # %%
 import torch
@@ -139,8 +136,8 @@ def draw_trained():
 draw_trained()
 
 # %% [markdown]
-# One run of each arm, and short: the centred one has hardly finished learning, and the other has hardly
-# begun. With three seeds and 144,000 steps, the village says this:
+# One run of each arm, and short: the centred one has not finished learning, and the other has
+# hardly begun. With three seeds and 144,000 steps, the village says this:
 
 # %% tags=["hide-input"]
 figure, ax = plt.subplots(figsize=(5.5, 2.8), layout="constrained")
@@ -151,8 +148,8 @@ ax.legend();
 # ### A guess, tried
 #
 # Why does the second arm learn less? A guess: the network's inputs are data of up to 15 units and
-# times of up to 35, and they drown the single 1 that shows the UAV. If that were it, smaller numbers
-# should help. Divide the data by 20 and the time by 10, as `lite` does:
+# times of up to 35, and they drown the single 1 that shows the UAV. Then smaller numbers should
+# help. Divide the data by 20 and the time by 10, as `lite` does:
 
 # %%
 trained["not centred, scaled"] = learn("scaled", observation="non_centred", data_scale=20.0,
@@ -160,17 +157,15 @@ trained["not centred, scaled"] = learn("scaled", observation="non_centred", data
 draw_trained()
 
 # %% [markdown]
-# In this run the scaled arm ends higher. So the guess was right? Do not believe one short run. In longer
-# ones, of 144,000 steps, agents without centring reached 77, 65 and 70 % without scales (the figure
-# above), and in two runs with them 69 and 0 %: the second never learned to land. In the village the
-# scales explain nothing. A guess that sounds right is still a guess, and a picture that agrees with
-# it is one picture. Yours may be better: change one field of the recipe and train again.
+# In this run the scaled arm ends higher. So the guess was right? It is one short run of each, and
+# in the figure above three runs of one and the same arm end between 65 and 77 %, without any change
+# at all. A guess that sounds right is still a guess. How much would persuade you?
 #
 # ## 8.3 How sure can you be?
 #
-# Train again with another **seed**, and all chance is different: the first weights, the missions, the
-# fading, every action that is drawn. So a gap between two runs is a gap between two *lucky numbers*,
-# too. How much do seeds differ? Take the last validation of each run:
+# Train again with another **seed**, and all chance is different: the first weights, the missions,
+# the fading, every action that is drawn. How much do seeds differ? Take the last validation of each
+# run:
 
 # %%
 def last(table, arm, steps=10**9):
@@ -187,7 +182,7 @@ for name, table in recorded.items():
 # %% [markdown]
 # Three runs make a mean, and the mean has an error: the **standard error**, the standard deviation
 # $s$ of the runs divided by $\sqrt n$. For the gap between two arms the errors add as squares,
-# $\sqrt{s_1^2/n+s_2^2/n}$. A **95 % confidence interval** extends $m$ standard errors to either side:
+# $\sqrt{s_1^2/n+s_2^2/n}$. A **95 % confidence interval** extends $m$ of them to either side:
 #
 # | runs of each arm | 3 | 5 | 8 | 30 |
 # | --- | --- | --- | --- | --- |
@@ -195,9 +190,8 @@ for name, table in recorded.items():
 # | $m$, if one arm spreads much more | 4.3 | 2.8 | 2.4 | 2.05 |
 #
 # With few runs $m$ is large, because three values may lie close together by chance, and then $s$ is
-# too small. (The values come from **Student's t distribution**; the second row has $n-1$ degrees of
-# freedom.) If all runs were made again and again, 95 % of such intervals would contain the true gap,
-# provided that the runs are roughly normally distributed.
+# too small (**Student's t distribution**). If all runs were made again and again, 95 % of such
+# intervals would contain the true gap, if the runs are roughly normally distributed.
 
 # %%
 def gap(table, steps=10**9, m=4.3):
@@ -215,14 +209,13 @@ ax.axvline(0, color="black")
 ax.set(xlabel="lead of the centred map, percentage points", ylim=(3.5, -0.5));
 
 # %% [markdown]
-# A bar that lies on one side of 0 says that the centred map is ahead in runs like these. At the end
-# of `lite` the bar contains 0: these runs do not say which arm is better there. (We chose the mark of
-# 300,000 steps after seeing the curves, so that gap is less certain than it looks.)
+# A bar on one side of 0 says that the centred map is ahead in runs like these. At the end of `lite`
+# the bar contains 0: these runs do not say which arm is better there.
 #
-# **Pairing helps where a pair shares its luck.** Runs with the same seed share the first weights and
-# missions, but after a few hundred steps they have flown apart, and their results are hardly more
-# alike than those of other seeds. Pairing *them* buys nothing. *Missions* are another matter: a hard
-# mission is hard for every pilot. Here are greedy and the DDQN agent on the same 1000 missions:
+# **Pairing helps where a pair shares its luck.** Runs with the same seed share the first weights
+# and missions, but after a few hundred steps they have flown apart, so pairing *them* buys hardly
+# anything. *Missions* are another matter: a hard mission is hard for every pilot. Here are greedy
+# and the DDQN agent on the same 1000 missions:
 
 # %%
 flights = read_table(data_folder() / "runs/comparison-manhattan.csv.gz")
@@ -239,36 +232,45 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("more_missions")
 
 # %% [markdown]
-# Mission by mission, the interval is narrower, for the same flights. Two warnings. These intervals
-# are about the luck of the missions, for *this* agent; another seed gives another agent. And
-# overlapping intervals of two pilots do not mean that there is no difference: look at the interval
-# *of the difference*. [Before you believe a surprise](../docs/tutorials/surprises.md) has more tools:
-# permutation tests, many comparisons, how many runs a claim needs.
+# Mission by mission, the interval is narrower, for the same flights. But another seed gives another
+# agent, and this interval says nothing of that. [Before you believe a
+# surprise](../docs/tutorials/surprises.md) has more tools.
 #
 # ## 8.4 Why do `plain` and `lite` disagree?
 #
-# `lite` differs from `plain` in more than a dozen fields. Which of them lets an agent learn without
-# centring? Undo each one, in both arms, with three seeds, and look. Here is what is recorded of such
-# runs over Manhattan, after 300,000 steps or the nearest mark before:
+# `lite` differs from `plain` in more than a dozen fields. One difference is time: after 300,000
+# steps even `lite` is far behind without centring, and then gets there (the second bar above),
+# whereas `plain` does not get there within a million steps. So the information is in the uncentred
+# map, and it is harder to use.
+#
+# Which of the fields helps? Undo each of them, in both arms, and look. Here are all such runs that
+# are recorded, each of 300,000 steps, one dot a run:
 
-# %%
-for name in ("_plain-manhattan", "_lite-manhattan"):
-    mean, width = gap(recorded[name], 300_000)
-    arms = (100 * last(recorded[name], arm, 300_000).mean() for arm in ARMS)
-    print("{:<18} centred {:5.1f} %, not {:5.1f} %,".format(name[1:], *arms),
-          f"lead {100 * mean:.1f} ± {100 * width:.1f} points")
+# %% tags=["hide-input"]
+parts = read_table(data_folder() / "runs/pilots-manhattan.csv.gz")
+ends = parts["steps"] == parts["steps"].max()
+done = list(dict.fromkeys(name.split("_", 1)[1] if name.startswith("centred") else name[9:]
+                          for name in parts["variant"]))  # without the arm, "centred" or "in_place"
+figure, ax = plt.subplots(figsize=(7, 1 + 0.27 * len(done)), layout="constrained")
+for arm, style, shift in (("centred", "C0o", -0.12), ("in_place", "C1s", 0.12)):
+    for place, part in enumerate(done):
+        values = parts[METRIC][ends & (parts["variant"] == f"{arm}_{part}")]
+        ax.plot(values, np.full(len(values), place + shift), style, ms=5, alpha=0.8)
+    ax.plot([], [], style, label=arm.replace("_", " "))
+ax.set_yticks(range(len(done)), [part.replace("_", " ") for part in done])
+ax.set(xlabel="collected and landed", xlim=(-0.03, 1.03), ylim=(len(done) - 0.5, -0.5))
+figure.legend(loc="outside right upper");
 
 # %% [markdown]
-# After 300,000 steps even `lite` is far behind without centring. So the strengthened recipe needs
-# *longer* without centring, and then gets there; `plain`, which has no growing price of a crash and
-# no returns over three steps, does not get there within a million steps. What `lite` shows is that
-# the information is in the uncentred map, and what both show is that it is harder to use.
+# A dot says what *one* run did, and 8.3 shows how far runs differ by chance. A part explains
+# something only if undoing it takes several dots of one arm down and leaves the other arm where it
+# was. Where dots are missing, the question is open.
 #
 # ## 8.5 What has it learned by heart?
 #
 # An ablation changes the agent. One can also change the *world* and see whether the agent's
 # knowledge still holds. Let us move both landing zones of Manhattan by two cells, and let the DDQN
-# agent, which sees the centred map, and greedy fly. Predict first: in how many missions will the agent land?
+# agent and greedy fly. Predict first: in how many missions will the agent land?
 
 # %%
 from dataclasses import replace
@@ -293,11 +295,10 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 
 # %% [markdown]
 # Greedy flies as well as before, because it looks up the way home in the map, wherever home is. But
-# the agent is lost in most missions, although the layer with the landing zones is in its input and
-# was moved, too. In training the zones were always in the same two corners. A network that learns
-# "towards the corner" earns as much as one that learns "towards the landing zone", so nothing made
-# our agent tell the two apart. **Part of the agent's knowledge consists of places learned by
-# heart.** This is overfitting again, this time to a city.
+# the agent is lost in most missions, although the layer with the landing zones was moved, too. In
+# training the zones were always in the same two corners, so "towards the corner" earned as much as
+# "towards the landing zone", and nothing made the agent tell the two apart. **Part of its knowledge
+# consists of places learned by heart.** This is overfitting again, this time to a city.
 #
 # ## 8.6 What is left of the claim
 #
@@ -306,14 +307,13 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # | Does an agent learn faster with the centred map? | Yes, in all three experiments, by *collected and landed* |
 # | Is it better in the end? | With `plain` and in the village, yes. With `lite` over Manhattan the interval at the end contains 0 |
 # | Is the paper right? | Its claim holds for its own method: with `plain` the gap is wide. It is not a law for every learner |
-# | Is a recipe fair to both arms? | Not quite: recipes were tuned with the centred map |
 # | Does centring make an agent independent of the place? | No: moved landing zones confuse it (8.5) |
 #
 # ## Recap
 #
 # - Change one thing, keep the rest fixed, and use several seeds. A guess is tried, not believed.
-# - Report a gap with Student's interval over the runs. If 0 is well inside, the question is open.
-# - Compare pilots mission by mission on the same missions; pairing by seed buys nothing.
+# - Report a gap with Student's interval over the runs. If it contains 0, the question is open.
+# - Compare pilots mission by mission on the same missions; pairing by seed buys hardly anything.
 #
 # ## Exercises
 #
