@@ -4,6 +4,7 @@ import base64
 import io
 import re
 import sys
+import time
 from pathlib import Path
 
 from nbformat.v4 import new_output
@@ -48,6 +49,7 @@ class WithinWalls(NbGraderPreprocessor):
     """
 
     timeout = Integer(180, help="seconds for a cell: 7.1 and 7.4 train an agent").tag(config=True)
+    whole = Integer(900, help="seconds for a sheet, all in all").tag(config=True)
     unprotected = Bool(False, help="whether there are no walls").tag(config=True)
 
     def preprocess(self, notebook, resources):
@@ -56,6 +58,7 @@ class WithinWalls(NbGraderPreprocessor):
         except InputError as error:  # of all students: nobody is graded
             sys.exit(f"{error} (here: --WithinWalls.unprotected=True)")
         self.lost = set()  # cells that took their process with them
+        self.ends = time.monotonic() + self.whole
         stamp = Path(resources["metadata"]["path"], "timestamp.txt")
         handed_in = stamp.read_text() if stamp.exists() else None
         if handed_in:
@@ -98,9 +101,16 @@ class WithinWalls(NbGraderPreprocessor):
             if cell.cell_type == "code" and not is_grade(cell) and k not in self.lost:
                 self._run(cell, checks)
 
+    def _seconds(self):
+        """How long a cell may take: the sheet has a limit, too."""
+        left = self.ends - time.monotonic()
+        if left < 0:
+            raise Lost(f"the cells before it took the {self.whole} s of a sheet")
+        return min(self.timeout, left)
+
     def _run(self, cell, checks, before=""):
         walled = self.walled[checks]
-        walled.begin(self.timeout)
+        walled.begin(self._seconds())
         reply = walled.ask({"run": before + cell.source})
         try:
             return _outputs(reply["said"], reply["figures"], reply["errors"])
@@ -111,7 +121,7 @@ class WithinWalls(NbGraderPreprocessor):
         if name in BESIDE:
             return self._run(cell, True, FRESH_CHECKS)
         exercise = EXERCISES[name]
-        said, wrong = judged(self.walled[False], exercise, answer, self.timeout)
+        said, wrong = judged(self.walled[False], exercise, answer, self._seconds())
         figures = []
         if exercise.figure and not wrong:
             content = io.BytesIO()
@@ -122,17 +132,23 @@ class WithinWalls(NbGraderPreprocessor):
 
 def _outputs(said, figures, errors):
     """Outputs that hold nothing but text and PNG, whatever a process within the walls has sent."""
-    outputs = [new_output("stream", text=str(said)[:PRINTED])] if said else []
+    said = _readable(said, PRINTED)
+    outputs = [new_output("stream", text=said)] if said else []
     for figure in figures[:10]:
         content = base64.b64decode(figure)
         if content.startswith(b"\x89PNG\r\n") and len(content) < LARGEST_FIGURE:
             data = {"image/png": base64.b64encode(content).decode()}
             outputs.append(new_output("display_data", data))
     for kind, text, lines in errors[:1]:
-        told = {"ename": str(kind)[:100], "evalue": str(text)[:2000]}
-        told["traceback"] = [str(line)[:2000] for line in lines[:50]]
+        told = {"ename": _readable(kind, 100), "evalue": _readable(text, 2000)}
+        told["traceback"] = [_readable(line, 2000) for line in lines[:50]]
         outputs.append(new_output("error", **told))
     return outputs
+
+
+def _readable(text, most):
+    """A text that a file can hold: JSON can say what is no character."""
+    return str(text)[:most].encode(errors="replace").decode()
 
 
 class SaveRunGrades(SaveAutoGrades):

@@ -17,10 +17,10 @@ import assignments
 import matplotlib
 import nbformat
 import pytest
+from traitlets.config import Config
 
 from uavdh_lite.cli.main import main
 from uavdh_lite.course import checks, handed_in
-from uavdh_lite.errors import InputError
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 ASSIGNMENT = "01_city_and_channel"
@@ -303,9 +303,6 @@ def test_moodle_s_zip_comes_in_and_the_feedback_goes_back(tmp_path, capsys):
     assert said == {f"{w}_assignsubmission_file_/{ASSIGNMENT}.html": w for w in names}
     for command in (["check", "99_none"], ["return", "99_none", str(back)]):
         assert main(["classroom", *command, *course]) == 2
-    archive.write_text("no zip")
-    with pytest.raises(InputError, match=r"all\.zip"):
-        handed_in.collect(archive, tmp_path, ASSIGNMENT)
 
 
 def test_what_is_no_file_sets_one_student_aside(tmp_path):
@@ -321,7 +318,7 @@ def test_what_is_no_file_sets_one_student_aside(tmp_path):
 
 
 def test_what_is_large_or_odd_is_read(tmp_path):
-    """Outputs of 60 MB, 20,000 cells, a link to another's work, a name that is a script."""
+    """Outputs of 6 MB, 4,000 cells, a link to another's work, a name that is a script."""
     release = NOTEBOOKS / "exercises" / ASSIGNMENT
     shutil.copytree(release, tmp_path / "exercises" / ASSIGNMENT)
     whole = solved(nbformat.read(release / f"{ASSIGNMENT}.ipynb", as_version=4))
@@ -330,10 +327,10 @@ def test_what_is_large_or_odd_is_read(tmp_path):
         path = tmp_path / "submitted" / who / FILE
         own = copy.deepcopy(whole)
         if who == "large":
-            output = nbformat.v4.new_output("stream", text="x" * 60_000_000)
+            output = nbformat.v4.new_output("stream", text="x" * 6_000_000)
             answer(own, "1.1").outputs = [output]
         elif who == "many":
-            own.cells += [nbformat.v4.new_code_cell(f"x = {k}") for k in range(20_000)]
+            own.cells += [nbformat.v4.new_code_cell(f"x = {k}") for k in range(4_000)]
         elif who == "script":
             path = path.with_name(f"{ASSIGNMENT}<script>\x1b[2J.ipynb")
         elif who == "both":
@@ -349,7 +346,7 @@ def test_what_is_large_or_odd_is_read(tmp_path):
     assert {w: s.answered for w, s in sheets.items()} == {
         "large": 3, "many": 3, "script": 3, "both": 3, "linked": 0
     }  # fmt: skip
-    assert "20,000 cells of your own" in sheets["many"].notes[0]
+    assert "1,000 of 4,0" in sheets["many"].notes[0]
     assert "is not a file" in sheets["linked"].notes[0]
     text = (tmp_path / "checked" / "script" / FILE).read_text()
     assert "&lt;script&gt;" in text and "<script>" not in text and "\\u001b" not in text
@@ -394,31 +391,18 @@ def test_a_damaged_release_is_named(tmp_path, damage, capsys):
     assert f"{release}: " in (said := capsys.readouterr().err) and said.count("\n") == 1
 
 
-def damaged(content):
-    place = content.index(b"PK\1\2") - 40  # within the compressed bytes
-    return content[:place] + bytes(30) + content[place + 30 :]
-
-
-def central(offset, value):
-    def change(content):
-        place = content.index(b"PK\1\2") + offset
-        content = content[:place] + bytes([value]) + content[place + 1 :]
-        place = content.index(b"PK\3\4") + offset - 2
-        return content[:place] + bytes([value]) + content[place + 1 :]
-
-    return change
-
-
-@pytest.mark.parametrize("change", [damaged, central(8, 1), central(10, 99)])
-def test_a_zip_that_cannot_be_unpacked_is_named(tmp_path, change, capsys):
-    """Damaged, encrypted, compressed in a way that nobody knows."""
+def test_a_zip_that_cannot_be_unpacked_is_named(tmp_path, capsys):
     archive = tmp_path / "all.zip"
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr("a_1_assignsubmission_file_/x.ipynb", bytes(range(256)) * 9)
-    archive.write_bytes(change(archive.read_bytes()))
-    assert main(["classroom", "collect", str(archive), ASSIGNMENT, "--course", str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert "all.zip: a_1_assignsubmission_file_/x.ipynb: " in said and said.count("\n") == 1
+    content = archive.read_bytes()
+    place = content.index(b"PK\1\2") - 40  # within the compressed bytes
+    for damaged in (content[:place] + bytes(30) + content[place + 30 :], content[:99], b"no zip"):
+        archive.write_bytes(damaged)
+        command = ["classroom", "collect", str(archive), ASSIGNMENT, "--course", str(tmp_path)]
+        assert main(command) == 2
+        said = capsys.readouterr().err
+        assert "all.zip: " in said and said.count("\n") == 1
 
 
 def test_a_second_zip_replaces_what_is_another_and_leaves_the_rest(tmp_path, capsys):
@@ -510,13 +494,12 @@ def test_what_is_set_aside_of_a_zip_is_named(tmp_path, monkeypatch):
     with zipfile.ZipFile(tmp_path / "all.zip", "w") as packed:
         for name, size in ((f"{'x' * 250}.ipynb", 1), ("..", 1), ("big.ipynb", 101)):
             packed.writestr(f"a_1_assignsubmission_file_/{name}", "x" * size)
-        packed.writestr("b_2_assignsubmission_file_/y.ipynb", "first")
-        packed.writestr("b_2_assignsubmission_file_/y.ipynb", "second")
+        for text in ("first", "second"):
+            packed.writestr("b_2_assignsubmission_file_/y.ipynb", text)
     students, odd = handed_in.collect(tmp_path / "all.zip", tmp_path, ASSIGNMENT)
-    assert students == {"b_2": "new"} and len(odd) == 4
-    assert "x.ipynb is set aside: File name too long" in odd[0]
-    assert "/.. is set aside" in odd[1] and "/big.ipynb is set aside: 0 MB" in odd[2]
-    assert "b_2_assignsubmission_file_/y.ipynb is there twice" in odd[3]
+    assert students == {"a_1": "new", "b_2": "new"} and len(odd) == 3
+    assert "/.. is set aside" in odd[0] and "/big.ipynb is set aside: 0 MB" in odd[1]
+    assert "b_2_assignsubmission_file_/y.ipynb is there twice" in odd[2]
 
 
 @pytest.fixture(scope="module")
@@ -551,6 +534,21 @@ def nbgrader(root, *command):
     return done.stderr
 
 
+def test_a_sheet_has_a_limit_of_time_and_what_no_file_can_hold_is_replaced(monkeypatch):
+    monkeypatch.syspath_prepend(str(NOTEBOOKS))
+    space = {"get_config": Config}
+    exec((NOTEBOOKS / "nbgrader_config.py").read_text(), space)
+    odd = "print('\\ud800')\nraise ValueError('\\ud800')"
+    sources = [odd, *["while True:\n    pass"] * 9, "checks.rate_from_snr(rate)"]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(s) for s in sources])
+    notebook.cells[-1].metadata.nbgrader = assignments._cell("check-1-1", points=1)
+    began, step = time.monotonic(), space["WithinWalls"](whole=6, unprotected=True)
+    step.preprocess(notebook, {"metadata": {"path": "nowhere"}})
+    assert time.monotonic() - began < 60
+    nbformat.writes(notebook).encode()
+    assert "took the 6 s of a sheet" in notebook.cells[-1].outputs[0].evalue
+
+
 def points(root):
     from nbgrader.api import Gradebook
 
@@ -583,7 +581,7 @@ def test_feedback_says_what_is_wrong_and_what_was_odd(course):
         "one": "Is there a `return` in every branch?",
         "endless": "Is there a loop that never ends",
         "swallows": "it never ends, and cannot be interrupted",
-        "exits": "it ended its own kernel",
+        "exits": "it ended its own process",
         "asks": "input()",
         "garbage": "cannot be opened",
         "zip": "hand in the .ipynb",

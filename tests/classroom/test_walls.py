@@ -26,14 +26,15 @@ pytestmark = pytest.mark.skipif(not shutil.which("bwrap"), reason="bubblewrap is
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 SECRET = "8642097531"
 RIGHT = "import numpy as np\ndef f(x): return np.log2(1 + 10 ** (x / 10))\n"
-FIND = """
-import glob, os
-def find(name, *roots):
-    for root in roots or ("/",):
-        for folder, _, files in os.walk(root, followlinks=True):
-            for file in files:
-                if name in file:
-                    yield os.path.join(folder, file)
+SEARCH = """
+import os, uavdh_lite.course
+for root in ("/", *uavdh_lite.course.__path__):
+    for folder, inside, files in os.walk(root):
+        inside[:] = [one for one in inside if one not in ("torch", "proc", "sys")]
+        for file in files:
+            if any(one in file for one in ("secret", ".ipynb", ".db", "notebook_01")):
+                text = open(os.path.join(folder, file), errors="replace").read()
+                print(text if "uavdh" in text or "seed" in text else "")
 """
 LIBC = "import ctypes\nlibc = ctypes.CDLL(None, use_errno=True)\n"
 # What a cell tries; COURSE is the course's folder, PID a process of its user, PORT a server's
@@ -48,11 +49,8 @@ QUIET = {
     "by another process's folder": "print(open('/proc/PID/cwd/secret.json').read())",
     "by a link": "import os\nos.symlink('COURSE/secret.json', 'l')\nprint(open('l').read())",
     "by a hard link": "import os\nos.link('COURSE/gradebook.db', '/tmp/own/g')",
-    "by a search": FIND + "for path in find('secret'):\n    print(open(path).read())",
-    "by find": "import subprocess\nprint(subprocess.run('find / -name *.json -exec cat {} +',"
-    " shell=True, capture_output=True).stdout.decode()[-3000:])",
+    "by a search": SEARCH,
     "a list of others": "import os\nprint(os.listdir('COURSE/submitted'), os.listdir('../..'))",
-    "others' work": FIND + "for path in find('.ipynb'):\n    print(open(path).read())",
     "the environment": "import os\nprint(os.environ, open('/proc/self/environ').read())",
     "others' environment": "import glob\nfor path in glob.glob('/proc/[0-9]*/environ'):\n"
     "    print(open(path).read())",
@@ -80,16 +78,13 @@ QUIET = {
     "open(os.path.dirname(uavdh_lite.__file__) + '/city.py', 'a').write('x')",
     "Python": "import os\nopen(os.__file__, 'a').write('x')",
     "a module for later": "import site\nopen(site.getsitepackages()[0] + '/x.pth', 'w').write('1')",
-    "the checks": FIND + "import uavdh_lite.course\n"
-    "for path in find('notebook_01', *uavdh_lite.course.__path__):\n    print(open(path).read())",
     "the checks by import": "import inspect\n"
     "from uavdh_lite.course.checks.notebook_01 import rate_from_snr as one\n"
     "print(inspect.getsource(one.solution))",
     "a solution by its check": "print(checks.rate_from_snr.solution)",
-    "solutions": FIND + "for path in find('.ipynb') if 1 else ():\n"
-    "    if 'BEGIN SOL' in open(path).read() and 'uavdh' in path:\n        print('SOL' + 'UTION')",
     "the terminal": "import fcntl\nfor c in 'id\\n':\n    fcntl.ioctl(0, 0x5412, c)",
-    "shared memory": FIND + "print([open(path, 'rb').read() for path in glob.glob('/dev/shm/*')])\n"
+    "shared memory": "import glob\n"
+    "print([open(path, 'rb').read() for path in glob.glob('/dev/shm/*')])\n"
     "open('/dev/shm/x', 'w').write('x')",
     "a script in its output": "from IPython.display import HTML, Javascript, display\n"
     "display(HTML('<script>alert(1)</script>'), Javascript('alert(1)'))",

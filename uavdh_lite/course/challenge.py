@@ -43,8 +43,6 @@ class Challenge:
     seed: int = 0
 
     def __post_init__(self):
-        if not isinstance(self.scenario, str):
-            raise InputError(f"scenario {self.scenario!r}: must be the name of a preset")
         if find_scenario(self.scenario).city.startswith("random:"):
             raise InputError(
                 f"scenario {self.scenario}: has many cities; a challenge flies over one"
@@ -77,11 +75,12 @@ class Challenge:
     @classmethod
     def load(cls, path: Path) -> "Challenge":
         """Read what `save` wrote; `InputError` that names the file if it is no challenge."""
-        values = _read(path, ["scenario", "episodes", "seed"])
         try:
-            return cls(**values)
+            return cls(**json.loads(path.read_text(encoding="utf-8")))
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+        except (ValueError, TypeError, AttributeError):
+            raise InputError(f"{path}: is not what `challenge new` made") from None
 
 
 def entry_name(submission: str, name: str | None = None) -> str:
@@ -180,10 +179,11 @@ def opened(path: Path, challenge: Challenge) -> Iterator[dict]:
 
     Processes that open one file at once wait for each other.
     """
-    empty = {"scenario": challenge.scenario, "episodes": challenge.episodes}
-    empty |= {"fingerprint": challenge.fingerprint, "scores": {}, "failures": []}  # no seed
+    board = {"scenario": challenge.scenario, "episodes": challenge.episodes}
+    board |= {"fingerprint": challenge.fingerprint, "scores": {}, "failures": []}  # no seed
     with FileLock(f"{path}.lock"):
-        board = _board(path) if path.exists() else empty
+        if path.exists():
+            board = _board(path)
         if board["fingerprint"] != challenge.fingerprint:
             raise InputError(f"{path} is the board of another challenge: take another")
         yield board
@@ -212,10 +212,7 @@ def enter(path: Path, board: dict, score: dict, replace: bool = False) -> dict |
 
 def leaderboard(path: Path) -> str:
     """A leaderboard as a Markdown table, ranked by the columns from left to right."""
-    return _table(_board(path))
-
-
-def _table(board: dict) -> str:
+    board = _board(path)
     practice = Challenge(board["scenario"], board["episodes"]).fingerprint == board["fingerprint"]
     kind = "practice" if practice else "hidden"
     said = f"{board['scenario']}, {board['episodes']} {kind} missions ({board['fingerprint']})"
@@ -238,19 +235,9 @@ def _cell(text: str) -> str:
 
 def _board(path: Path) -> dict:
     """The leaderboard in a file; `InputError` that names the file if it is none."""
-    board = _read(path, ["scenario", "episodes", "fingerprint", "scores", "failures"])
     try:
-        _table(board)
-    except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
+        board = json.loads(path.read_text(encoding="utf-8"))
+        known = ("scenario", "episodes", "fingerprint", "scores", "failures")
+        return {name: board[name] for name in known}
+    except (ValueError, TypeError, KeyError) as error:
         raise InputError(f"{path}: no leaderboard ({error})") from None
-    return board
-
-
-def _read(path: Path, expected: list[str]) -> dict:
-    """A JSON object with exactly these keys; `InputError` that names the file otherwise."""
-    values = None
-    with suppress(OSError, ValueError, RecursionError):
-        values = json.loads(path.read_text(encoding="utf-8"))
-    if not isinstance(values, dict) or set(values) != set(expected):
-        raise InputError(f"{path}: expected a JSON object with {', '.join(expected)}")
-    return values

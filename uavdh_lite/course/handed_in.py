@@ -8,7 +8,6 @@ mended copy to `checked/`, which the course's `nbgrader_config.py` has nbgrader 
 import ast
 import copy
 import csv
-import errno
 import html
 import io
 import json
@@ -19,6 +18,7 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -30,7 +30,7 @@ with extra("classroom"):
     from IPython.core.inputtransformer2 import TransformerManager
 
 LARGEST = 200_000_000  # bytes of a notebook: its outputs are dropped, but somebody has to read them
-LONGEST, MOST = 3_000_000, 500  # characters that are read, cells of a student's own
+MOST, LONGEST = 1000, 100_000  # cells that are read, characters of one
 MOODLE = re.compile(r"(?P<who>[^/]+_\d+)_assignsubmission_file_/?(?P<file>.+)")
 SOLUTION = re.compile(r"checks\b.*\.solution|course\.checks\.|course/checks")
 SHADOWED = re.compile(
@@ -70,13 +70,12 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
         missing = course / "submitted" if release.is_file() else release
         raise InputError(f"{missing} is not there: run this in the folder of the course")
     try:
-        empty = nbformat.from_dict(_notebook(release))
-        whole = _mended(empty.cells, empty, Sheet("")) is not None
-    except Exception as error:  # whatever a damaged file makes a parser say
-        said = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        raise InputError(f"{release}: not a notebook ({said}): get it anew") from None
+        empty = _notebook(release)
+        whole = _mended(empty.cells, empty, Sheet(""))
+    except Exception:  # whatever a damaged file makes a parser say
+        whole = None
     if not whole:
-        raise InputError(f"{release}: has no exercises: get it anew")
+        raise InputError(f"{release}: no notebook with exercises: get it anew")
     sheets = _one_for_each([_sheet(student, assignment, empty) for student in students], students)
     for sheet in sheets:
         same = [o.student for o in sheets if o is not sheet and o.fingerprint == sheet.fingerprint]
@@ -84,7 +83,7 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
             sheet.private.append(f"the same file as {', '.join(same)}")
         if sheet.missing:
             continue
-        graded = copy.deepcopy(empty) if sheet.notebook is None else sheet.notebook
+        graded = sheet.notebook or copy.deepcopy(empty)
         if sheet.notes:
             said = html.escape("\n".join(map(one_line, sheet.notes)))
             text = f"**Before this was graded, it was looked through:**\n\n<pre>{said}</pre>"
@@ -120,14 +119,13 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
     named = [p for p in every if p.parent.name == assignment or assignment in p.name]
     whole = student.resolve()  # a link may lead to another student's work
     own = [p for p in named if p.is_file() and p.resolve() == whole / p.relative_to(student)]
-    aside = [p.relative_to(student).as_posix() for p in named if p not in own]
-    sheet.notes += [f"set aside: {path} is not a file" for path in aside]
+    for path in {*named} - {*own}:
+        sheet.notes.append(f"set aside: {path.relative_to(student).as_posix()} is not a file")
     if not own:
         others = sorted(p.name for p in (student / assignment).glob("*") if p.suffix != ".ipynb")
         sheet.missing = not named and not others
-        sheet.notes.append(
-            f"hand in the .ipynb itself, not {', '.join(others)}" if others else "nothing handed in"
-        )
+        instead = f"hand in the .ipynb itself, not {', '.join(others)}"
+        sheet.notes.append(instead if others else "nothing handed in")
         return sheet
     read = {path: _read(path, student.name, empty) for path in own}
     proper = student / assignment / f"{assignment}.ipynb"
@@ -149,15 +147,12 @@ def _read(path: Path, student: str, empty: nbformat.NotebookNode) -> Sheet:
     try:
         sheet.fingerprint = sha256(path.read_bytes()).hexdigest()
         mended = _mended(_notebook(path).cells, empty, sheet)
-        if mended is not None:
-            nbformat.writes(mended).encode()  # JSON can say what is no character
+        nbformat.writes(mended or empty).encode()  # JSON can say what is no character
         sheet.notebook = mended
     except Exception as error:  # whatever a student's file makes a parser say
         sheet.answered = 0
-        damaged = "set aside: the file cannot be opened as a notebook"
-        sheet.notes.append(
-            f"{damaged} ({type(error).__name__}): save it in Jupyter and hand it in again"
-        )
+        said = f"set aside: the file cannot be opened as a notebook ({type(error).__name__})"
+        sheet.notes.append(f"{said}: save it in Jupyter and hand it in again")
     return sheet
 
 
@@ -182,24 +177,26 @@ def _mended(
     Cells that were given run as they were given; what a student has put into one follows after it,
     each statement in a cell of its own, so that one which fails costs nothing else.
     """
-    release = [copy.deepcopy(cell) for cell in empty.cells]
+    release = copy.deepcopy(empty.cells)
     usual = {part for c in release if c.cell_type == "code" for part in _statements(c.source)}
     found: dict[int, list] = {}
     others: dict[int, list] = {}
     last = next(k for k, cell in enumerate(release) if cell.cell_type == "code")
-    read = 0
-    for cell in cells:
-        read += len(cell.source)
-        place = _place(cell, release) if read <= LONGEST else None
+    read = [cell for cell in cells[:MOST] if len(cell.source) < LONGEST]
+    if len(read) < len(cells):
+        read_of = f"{len(read):,} of {len(cells):,} cells"
+        sheet.notes.append(f"{read_of} are read: at most {MOST}, each below {LONGEST:,} characters")
+    for cell in read:
+        place = _place(cell, release)
         if place is not None:
             found.setdefault(place, []).append(cell)
             last = max(last, place)
-        elif cell.cell_type == "code" and cell.source.strip() and read <= LONGEST:
+        elif cell.cell_type == "code" and cell.source.strip():
             others.setdefault(last, []).append(cell)
     if not any(release[place].metadata.get("nbgrader") for place in found):
         sheet.notes.append("set aside: another notebook, with none of this one's exercises")
         return None
-    mended, added = [], 0
+    mended = []
     for place, cell in enumerate(release):
         own, marks = found.get(place, []), cell.metadata.get("nbgrader", {})
         graded = bool(marks.get("grade"))
@@ -225,13 +222,8 @@ def _mended(
         sheet.of += bool(marks.get("solution"))
         mended.append(cell)
         for other in after:
-            added += 1
-            if added > MOST:
-                continue
             _look_at(other.source, "a cell of the student's own", sheet)
             mended.append(nbformat.v4.new_code_cell(other.source))
-    if added > MOST:
-        sheet.notes.append(f"{added:,} cells of your own: the first {MOST} are run")
     return nbformat.v4.new_notebook(cells=mended, metadata=copy.deepcopy(empty.metadata))
 
 
@@ -297,44 +289,34 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[dict[str, str
     odd: list[str] = []
     found: list[Path] = []
     try:
-        packed = zipfile.ZipFile(archive)
+        with zipfile.ZipFile(archive) as packed:
+            entries = [one for one in packed.infolist() if not one.is_dir()]
+            for entry in entries:
+                match = MOODLE.fullmatch(entry.filename)
+                wrong = "" if match else "no file of a submission"
+                if match and any(part[0] == "." for part in Path(match["file"]).parts):
+                    wrong = "hidden"
+                elif match and entry.file_size > 2 * LARGEST:
+                    wrong = f"{entry.file_size / 1e6:.0f} MB"
+                if wrong or not match:
+                    odd.append(f"{entry.filename} is set aside: {wrong}")
+                    continue
+                content, who = packed.read(entry), match["who"]
+                folder = course / "submitted" / who / assignment
+                state = states.get(who, "as before" if folder.exists() else "new")
+                path = folder / Path(match["file"]).name[-100:]  # folders have limits
+                if not path.is_file() or path.read_bytes() != content:
+                    write_atomically(path, partial(Path.write_bytes, data=content))
+                    state = "new" if state == "new" else "handed in again"
+                if path in found:
+                    odd.append(f"{entry.filename} is there twice: the later one counts")
+                states[who] = state
+                found.append(path)
     except OSError:
         raise
-    except Exception as error:  # whatever a damaged zip makes its reader say
+    except Exception as error:  # whatever a damaged or encrypted zip makes its reader say
         raise InputError(f"{archive}: {error}") from None
-    with packed:
-        for entry in packed.infolist():
-            if entry.is_dir():
-                continue
-            match = MOODLE.fullmatch(entry.filename)
-            if not match or any(part[0] == "." for part in Path(match["file"]).parts):
-                kind = "hidden" if match else "no file of a submission"
-                odd.append(f"{entry.filename} is set aside: {kind}")
-                continue
-            if entry.file_size > 2 * LARGEST:
-                odd.append(f"{entry.filename} is set aside: {entry.file_size / 1e6:.0f} MB")
-                continue
-            try:
-                content = packed.read(entry)
-            except Exception as error:  # damaged, encrypted, or compressed in an unknown way
-                raise InputError(f"{archive}: {entry.filename}: {error}") from None
-            who, folder = match["who"], course / "submitted" / match["who"] / assignment
-            state = states.get(who, "as before" if folder.exists() else "new")
-            path = folder / Path(match["file"]).name
-            try:
-                if not path.is_file() or path.read_bytes() != content:
-                    write_atomically(path, lambda to, content=content: to.write_bytes(content))  # type: ignore[misc]
-                    state = "new" if state == "new" else "handed in again"
-            except OSError as error:
-                if error.errno not in (errno.ENAMETOOLONG, errno.EISDIR, errno.EBUSY):
-                    raise
-                odd.append(f"{entry.filename} is set aside: {error.strerror}")
-                continue
-            if path in found:
-                odd.append(f"{entry.filename} is there twice: the later one counts")
-            states[who] = state
-            found.append(path)
-    if not found and all(note.endswith("no file of a submission") for note in odd):
+    if not found:
         raise InputError(
             f"{archive}: no NAME_NUMBER_assignsubmission_file_/FILE in it, as Moodle has"
         )
@@ -372,20 +354,19 @@ def fill_in(
     with extra("classroom"):
         from nbgrader.api import Gradebook
 
-    grades, shares, stopped = course / "gradebook.db", {}, ""
+    grades, shares = course / "gradebook.db", {}
     if grades.is_file():
         with Gradebook(f"sqlite:///{grades}", "uavdh_lite") as book:
             for one in book.assignment_submissions(assignment):
                 points, most = max(0.0, one.score - one.late_submission_penalty), one.max_score
-                if not 0 <= points <= most or most == 0:
-                    said = f"{one.student.id} has {points:g} of {most:g} points in {assignment}"
-                    raise InputError(f"{grades}: {said}: look at the sheet, and grade it again")
-                shares[one.student.id] = points / most
+                said = f'nbgrader autograde --force --student="{one.student.id}" {assignment}'
                 if None in [grade.auto_score for part in one.notebooks for grade in part.grades]:
-                    stopped = one.student.id
-    if stopped:
-        again = f'nbgrader autograde --force --student="{stopped}" {assignment}'
-        raise InputError(f"{grades}: grading was stopped at {stopped}: run {again}")
+                    stopped = f"grading was stopped at {one.student.id}"
+                    raise InputError(f"{grades}: {stopped}: run {said}")
+                if not 0 <= points <= most or most == 0:
+                    found = f"{one.student.id} has {points:g} of {most:g} points in {assignment}"
+                    raise InputError(f"{grades}: {found}: look at the sheet, and run {said}")
+                shares[one.student.id] = points / most
     if not shares:
         raise InputError(f"{grades}: nothing graded for {assignment}: run nbgrader autograde first")
     students: dict[str, str] = {}
