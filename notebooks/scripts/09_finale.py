@@ -187,7 +187,7 @@ maps, _ = told(missions)
 draw_maps({"buildings": maps[0, 2], "data left": maps[0, 3], "told": maps[0, 5]}, uav=(7, 7))
 
 # %% [markdown]
-# The told picture is bright around the devices and along the streets, and dark in the shadows of
+# The told picture is dark around the device and along the streets, and white in the shadows of
 # notebook 2. Now your agent learns again, with the loop that you wrote, first with the failsafe
 # alone and then with both gifts. Predict: which curve rises faster, and will either beat the rule?
 
