@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavdh_lite.beyond import genie as search
-from uavdh_lite.beyond.genie import Genie, _best, _Problem
+from uavdh_lite.beyond.genie import Genie, _Problem
 from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import HOVER, LAND, Environment, State
 from uavdh_lite.errors import InputError
@@ -153,21 +153,3 @@ def some_states(environment, generator, count=40):
     """Flights under way on the small map: any cell, some devices already empty."""
     scenario = Scenario("s", "s", (1, 3), (3.0, 12.0), (4, 7))
     return scenario.sample_anywhere(environment, count, generator, 1)
-
-
-def test_the_best_candidates_of_a_cell():
-    """Three places; in the first, two sets of emptied devices, and one candidate twice. Then one
-    twice between others with as much data."""
-    place = np.array([0, 0, 0, 0, 0, 0, 1, 2])
-    left = np.array([[3, 2, 2, 1, 0, 0, 5, 0], [3, 3, 3, 5, 9, 8, 5, 0]], np.float32)
-
-    def best(beam, per_cell):
-        wide = np.full(len(place), 1)
-        return sorted(_best(place, left, beam * wide, per_cell * wide).tolist())
-
-    assert best(9, 99) == [0, 1, 3, 4, 5, 6, 7]  # 2 is as 1
-    assert best(1, 99) == [1, 5, 6, 7]
-    assert best(2, 2) == [0, 1, 6, 7]
-    assert best(2, 1) == [1, 6, 7]
-    left = np.array([[1, 2, 1, 2], [2, 1, 2, 1]], np.float32)
-    assert sorted(_best(np.zeros(4, int), left, np.full(4, 9), np.full(4, 99))) == [0, 1]

@@ -148,22 +148,6 @@ def test_one_snr_moves_its_link_half_way_and_those_nearby_less(model):
         assert rate(belief[device, cell]) == pytest.approx(rates @ density, rel=1e-4)
 
 
-def test_what_was_heard_often_is_believed_with_less_spread(model):
-    """Each link is heard twice, 5 dB above its line and 5 dB below it. The line counts once, too,
-    so of its spread of 5 dB, 5/√3 is left. Where SNR ≪ 1 the mean rate of a spread of σ is that of
-    ln(10)/20·σ² dB more."""
-    line_db = modelled_snr_db(model)
-    device, uav = np.nonzero(links(model))
-    device, uav, sign = np.tile(device, 2), np.tile(uav, 2), np.repeat([1, -1], len(device))
-    found = Heard(device, uav, line_db[device, uav] + 5 * sign)
-    weak = links(model) & (line_db < -25)
-    assert weak.sum() > 100
-    for nearby_cells, spread_db in ((None, 5), (0.01, 5 / np.sqrt(3))):
-        belief = expected(model, found, nearby_cells)
-        gained_db = (belief.mean_snr_db - line_db)[weak]
-        assert gained_db == pytest.approx(np.log(10) / 20 * spread_db**2, abs=0.1)
-
-
 def test_world_and_belief_are_two_things(model):
     """The agent is told the belief and flies in the world, whatever it is told."""
     agent = load_agent("any_city").over(model.city)

@@ -123,7 +123,6 @@ MAKERS = {  # the form in which each writes the same town; *: no tag says what i
     "Overpass Turbo": (in_row({"@id": "way/1", **TALL}, {"@id": "way/2", **LOW}, PARK), "Bb.."),
     "osmtogeojson": (in_row(osm(TALL, meta={}, relations=[]), osm(LOW), osm(PARK)), "Bb.."),
     "osm2geojson": ([{**one, "tags": TALL} for one in in_row({})], "B..."),
-    "ohsome": (in_row({"@osmId": "way/1", **TALL}, {"@osmId": "way/2", **LOW}), "Bb.."),
     "geopandas": (in_row(*columns(TALL, LOW, PARK)), "Bb.."),
     "pandas": (NAN, "Bb.."),
     "QGIS": (collection(in_row(*columns(TALL, LOW, PARK)), name="b", crs=CRS), "Bb.."),
@@ -140,7 +139,6 @@ MAKERS = {  # the form in which each writes the same town; *: no tag says what i
     "a city's portal": ([SOLID], "B...*"),
     "PostGIS": ({"type": "GeometryCollection", "geometries": GEOMETRIES}, "BB..*"),
     "shapely": (shapely.to_geojson(shapely.from_geojson(json.dumps(GEOMETRIES[0]))), "B...*"),
-    "geojson.io": (in_row(TALL)[0], "B..."),
     "United States": (in_row({**YES, "height": "36'"}, {**YES, "height": "26 ft"}, PARK), "Bb.."),
     "old encoding": (NAME.encode("cp1252"), "B..."),
 }

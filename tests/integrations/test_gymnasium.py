@@ -104,15 +104,6 @@ def test_the_most_that_a_start_can_have_is_seen_and_its_type_and_length_are_name
             single().reset(options={"start": start})
 
 
-@pytest.mark.parametrize("action", ["north", 2.0, None, 6])
-def test_what_is_no_action_is_named(action):
-    one, two = single().unwrapped, batch(2)
-    one.reset(), two.reset()
-    for call in (lambda: one.step(action), lambda: two.step([HOVER, action])):
-        with pytest.raises(InputError, match=r"of episode [01]: must be a whole number, 0 to 5"):
-            call()
-
-
 @pytest.mark.parametrize("mask", [[0, 0, 1], np.zeros(3, bool), np.ones(2, bool)])
 def test_a_wrong_mask_is_refused(mask):
     env = batch(3)

@@ -29,15 +29,6 @@ def test_the_workflows_are_valid_and_safe():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_workflows_run_commands_that_are_there():
-    text = "\n".join(path.read_text() for path in WORKFLOWS)
-    extras = (ROOT / "pyproject.toml").read_text()
-    for extra in re.findall(r"\.\[(\w+)\]", text):
-        assert re.search(rf"(?m)^{extra} = \[", extras), extra
-    for path in re.findall(r"(?:bash|sphinx -W|pytest -n auto) ([\w./ ]+)", text):
-        assert all((ROOT / one).exists() for one in path.split() if one != "build/site"), path
-
-
 def test_the_hooks_before_a_commit_are_the_commands_of_ci():
     hooks = (ROOT / ".pre-commit-config.yaml").read_text()
     for command in ("ruff check", "ruff format", "lint-imports --no-logo"):

@@ -13,7 +13,7 @@ from cyclopts.validators import Number
 from matplotlib.figure import Figure
 
 from uavdh_lite.cli.options import CommandLine, Count, Flag, options_of, presets, with_values
-from uavdh_lite.errors import InputError, extra
+from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments import study as studies
 from uavdh_lite.experiments.report import table
@@ -68,9 +68,6 @@ def train(arguments: list[str]) -> Callable[..., None]:
         """
         if device != "cpu" and not getattr(torch, device).is_available():
             raise InputError(f"no {device} device for this torch: leave out --device")
-        if tensorboard:  # before anything is written
-            with extra("tensorboard"):
-                from torch.utils import tensorboard as _  # noqa: F401
         torch.set_num_threads(threads)
         out = out or Path("runs", f"{scenario}-{recipe}-{seed}")
         changed_scenario = replace(
