@@ -68,8 +68,6 @@ def packed(value: Any) -> Any:
     if is_dataclass(value) and type(value).__module__.startswith("uavdh_lite."):
         own = {f.name: packed(getattr(value, f.name)) for f in fields(value) if f.init}
         return {"class": f"{type(value).__module__}:{type(value).__qualname__}", "fields": own}
-    with suppress(Exception):
-        return float(value)  # a Fraction or the like
     raise CannotTravel(f"a {type(value).__name__}")
 
 

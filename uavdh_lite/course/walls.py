@@ -255,13 +255,8 @@ def _error(kind: str, text: str, where: str) -> BaseException:
     known = getattr(builtins, kind, None)
     fits = isinstance(known, type) and issubclass(known, Exception | KeyboardInterrupt)
     base: Any = known if fits else Exception
-    error: Any = None
-    with suppress(Exception):
-        error = base(text)
-    if not fits or str(error) != text:
-        error = type(kind, (base,), {"__init__": lambda _: None, "__str__": lambda _: text})()
-    error.where = where
-    return error
+    own = {"__init__": lambda _: None, "__str__": lambda _: text, "where": where}
+    return type(kind, (base,), own)()
 
 
 def _follow(own: Any, now: Any) -> None:

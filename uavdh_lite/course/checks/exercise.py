@@ -184,7 +184,8 @@ class Exercise:
             raise
         except (Exception, SystemExit) as error:
             result = error
-        if (type(result) is ValueError and "read-only" in str(result)) or not unchanged(own, case):
+        read = isinstance(result, ValueError) and "read-only" in str(result)
+        if read or not unchanged(own, case):
             raise CheckFailed(f"{self._called(answer, case)} {CHANGED}")
         return result
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from uavdh_lite.course.bresenham import bresenham_fans
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.course.given import shadow
 from uavdh_lite.shadowing import line_of_sight
@@ -103,13 +102,11 @@ def town(size, device, *buildings):
         "in an array of Booleans such as np.zeros(shape, bool).": [
             (1, (0, 0)),
             (2, (1, 0)),
-            (5, (2, 2)),
         ],
         "A building that the ray crosses hides everything behind it, and a UAV over a building is "
         "hidden, too: the map is True where the link is blocked.": [
             (1, (0, 0), (0, 0)),
             (3, (2, 1), (1, 0), (1, 1), (1, 2)),
-            (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
         ],
         "A ray through the corner that two diagonal buildings share is blocked. One that only "
         "touches one building at a corner is not.": [
@@ -171,7 +168,6 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
         "axes: reshape first.": [
             2,
             3,
-            (2, (0, 1, 1, 0), (1, 0, 0, 1)),
             (2, (0, 1, 0, 1)),
             line_of_sight(BUILDINGS),
         ],
@@ -179,18 +175,12 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
         "asymmetric if exactly one of its two directions is blocked. Divide the number of these by "
         "the number of all pairs.": [
             (2, (0, 1, 1, 0)),
-            (2, (1, 0, 0, 1)),
             (3, (2, 1, 0, 2)),
-            (3, (0, 0, 0, 2), (2, 2, 0, 0)),
-            (2, (0, 0, 0, 0), (0, 0, 1, 0)),
         ],
         "It must work for any table; in a large one, 16 bits cannot count the asymmetric pairs.": [
             RANDOM[2] < 0.5,
             RANDOM[2] < 0.9,
-            RANDOM[4] < 0.5,
-            RANDOM[4] < 0.9,
             RANDOM[24] < 0.5,
-            bresenham_fans(BUILDINGS),
         ],
     },
     mistakes={

@@ -22,15 +22,11 @@ def examples(count, rate, steps):
         "*down*, each by the rate times its slope.": [
             (1, 0.1, 1),
             (2, 0.1, 1),
-            (5, 0.05, 1),
-            (4, 0.2, 1),
         ],
         "Every step begins where the last one ended, and moves w and b at the same time, with the "
         "errors from before the step, even if the loss grows.": [
             (2, 0.1, 2),
             (5, 0.05, 3),
-            (8, 0.1, 40),
-            (30, 0.3, 40),
             (4, 2.0, 3),
             (6, 0.002, 2000),
         ],
@@ -76,7 +72,6 @@ def drawn(rows, cols, height, width, bias=0.0):
         "for it from top to bottom.": [
             (np.ones((2, 2)), np.ones((1, 1)), 0.0),
             (np.ones((3, 3)), np.ones((2, 2)), 0.0),
-            (np.arange(9.0).reshape(3, 3), np.full((2, 2), 3.0), 0.0),
             (np.arange(16.0).reshape(4, 4), np.array([[1.0, 1, 1], [1, 5, 1], [1, 1, 1]]), 0.0),
         ],
         "The result is a map of floats, np.zeros(shape), whatever the layer holds.": [
@@ -89,7 +84,6 @@ def drawn(rows, cols, height, width, bias=0.0):
         "The bias is added once at every place, and then comes ReLU: what is below 0 becomes 0.": [
             (np.ones((3, 3)), np.ones((2, 2)), 1.5),
             (np.ones((2, 2)), np.ones((1, 1)), -2.0),
-            (-np.ones((2, 2)), np.ones((1, 1)), 1.5),
             drawn(5, 5, 3, 3, 0.4),
         ],
         "Layer and kernel need not be square.": [
@@ -127,17 +121,12 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
             (2, 2, 3, 2, (1,), (4,)),
             (1, 2, 1, 1, (1,), (1,)),
             (3, 3, 2, 3, (1,), (5,)),
-            (4, 2, 7, 2, (1,), (3, 2)),
-            (5, 5, 2, 9, (1,), (4,)),
-            (1, 1, 6, 1, (1,), (2,)),
         ],
         "(side − kernel_size) // stride + 1 cells on a side are left: kernels lie wholly inside. "
         "Divide side − kernel_size by the stride and round down; only then add the 1.": [
             (2, 3, 4, 2, (2,), (6,)),
             (2, 3, 4, 2, (3,), (6,)),
-            (2, 3, 4, 2, (4,), (6,)),
             (3, 12, 9, 3, (3,), (20,)),
-            (2, 9, 3, 4, (6,), (8,)),
         ],
         "A second convolution sees as many layers as the first has kernels, and has its own "
         "stride, and so on, for any number of convolutions and hidden layers. The paper's "

@@ -86,7 +86,6 @@ def draw_exploration(ax, solution):
         "With ε = 1 all actions are equally likely.": [(1, 6, 1.0), (2, 4, 1.0)],
         "With probability ε the action is drawn from *all* actions, the best one included. So each "
         "has ε divided by their number, and the best has 1 − ε more.": [
-            (1, 6, 0.3),
             (5, 6, 0.1),
             (2, 4, 0.5),
             (2, 3, 0.25),
@@ -121,7 +120,6 @@ def errors(count, spread=1.0):
         "The step with the largest error has rank 1 and the weight 1; the next has rank 2 and the "
         "weight 1/2, and so on. Divide by the sum, so that the probabilities add up to 1.": [
             (1,),
-            (2,),
             (3,),
             (5,),
             (40,),

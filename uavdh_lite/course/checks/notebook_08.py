@@ -30,9 +30,6 @@ def random_curves():
         "the value before that is below it.": [
             ([0.2, 0.9], 0.5),
             ([0.6, 0.4, 0.8], 0.5),
-            ([0.1, 0.7, 0.8, 0.9], 0.6),
-            (RISES, 0.7),
-            (RISES, 0.84),
             (RISES, 0.6, range(3, 11)),
         ],
         "If no value is below the threshold, the result is the first validation, even at 0 "
@@ -41,8 +38,6 @@ def random_curves():
         "np.argmax of a condition that is nowhere true is 0, the first place.": [
             (RISES, 0.95),
             (RISES, 0.88),
-            ([0.5], 0.6),
-            ([0.9, 0.8], 0.85),
         ],
         "A value that equals the threshold has reached it: only a smaller one, by however little, "
         "is below it.": [(RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)],
@@ -93,7 +88,6 @@ def results(count, together, ahead=0.3, scale=1.0):
         "standard errors, d.std(ddof=1) / sqrt(n), to either side: (mean, low, high).": [
             ([3.0, 5.0, 10.0], [1.0, 4.0, 2.0]),
             ([1.0, 4.0, 2.0], [3.0, 5.0, 10.0]),
-            ([9, 5], [1, 2]),
             (8, 1.0),
         ],
         "It must hold whether the two results go together or not, for few missions and for many. "
@@ -101,10 +95,8 @@ def results(count, together, ahead=0.3, scale=1.0):
             (30, 2.0),
             (300, 0.5),
             (15, -0.7),
-            (9, 0.0),
             (2, 3.0, 2.0),
             (40, 1.0, -2.0, 50.0),
-            (25, 1.0, 3.0, 0.001),
             ([4.0, 6.0, 11.0], [3.0, 5.0, 10.0]),
         ],
     },

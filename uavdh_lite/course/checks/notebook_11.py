@@ -25,12 +25,10 @@ def draw_old_share(ax, old_share):
             (100, 100, 10),
             (50, 80, 20),
             (10, 1000, 3),
-            (20, 15, 8),
         ],
         "Once `capacity` items have come after the change, nothing old is left, then or later.": [
             (10, 30, 10),
             (10, 30, 11),
-            (10, 5, 400),
         ],
         "If nothing has been added after the change, everything is old.": [(10, 30, 0), (10, 3, 0)],
     },
@@ -73,9 +71,7 @@ def drawn(error, floor, size=abs, weight=np.reciprocal):
             ([3.0, 1.0, 0.0], 1.0),
             ([3, -1, 0], 1),
             ([-5.0, 5.0, 0.5], 0.01),
-            (5, 0.2),
             (40, 1.5),
-            (7, 10.0),
         ],
     },
     mistakes={

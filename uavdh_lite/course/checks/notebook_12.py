@@ -29,19 +29,11 @@ def situation(name, cell, time_left):
             (CITY, [9], [3]),
             (CITY, [9], [4]),
             (CITY, [9], [5]),
-            (CITY, [9], [6]),
-            (CITY, [9], [9]),
-            (CITY, [8], [3]),
             (CITY, [4, 14, 2], [4, 6, 3]),
         ],
         "Landing at once always fits, but only in the zone: elsewhere `land` is no landing, and "
         "costs a unit of time, as hovering does.": [
             (CITY, [0], [1]),
-            (CITY, [0], [2]),
-            (CITY, [0], [3]),
-            (CITY, [1], [1]),
-            (CITY, [1], [2]),
-            (CITY, [1], [3]),
             (CITY, [0, 1, 0], [1, 1, 2]),
         ],
         "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
@@ -51,7 +43,6 @@ def situation(name, cell, time_left):
         "The mask must be right for all UAVs of a batch, each with its own time, in any city. A "
         "column of times is time_left[:, None].": [
             (CITY, 30, 4),
-            ("village", 1, 4),
             ("village", 6, 4),
             ("village", 40, 4),
             (CITY[::-1], 12, 4),
@@ -97,9 +88,7 @@ def one_device(rate, left):
         "A single device sends its rate in each of the four slots, until it has nothing left.": [
             links(1, 2, 100.0),
             links(1, 3, 1000),
-            links(1, 2, 5.0),
             links(1, 3, 0.0),
-            links(1, 4, 9.5),
         ],
         "In every slot the loudest of those with data left sends alone. As long as it has data, "
         "the others wait, however much they hold.": [
@@ -113,8 +102,6 @@ def one_device(rate, left):
             links(3, 3, 4.0, 9.0, 30.0),
             links(4, 4, 0.0, 2.0, 11.0, 6.0),
             links(5, 5, 1, 20, 3, 14, 8),
-            links(3, 3, 7.5, 30.0, 30.0),
-            links(2, 4, 0.5, 0.25),
         ],
     },
     mistakes={

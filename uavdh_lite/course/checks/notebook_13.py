@@ -30,7 +30,6 @@ def numbered(channels, side, *asked):
             (1, 3, 4, 1, False),
             (1, 3, 5, 0, True),
             (1, 3, 4, 3, True),
-            (1, 3, 5, 3, False),
         ],
     },
     mistakes={

@@ -30,7 +30,6 @@ def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
     rules={
         "Subtract the mean first. ρ at a distance is the mean product of all pairs that are that "
         "many cells apart, divided by the mean square of all values.": [
-            ([4, 4, -4, -4], 0),
             ([9, 8, 4, 3, -2, -5, -8, -9], 0),
             ([6.5, 7, 3, 1, 1.5, 2], 0),
         ],
@@ -41,7 +40,6 @@ def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
             (12, 0.9),
             (20, 0.8, 5),
             (40, 0.95, 2.5),
-            (60, 0.6),
             (90, 0.9, 7.125),
             (150, 0.97),
             (30, 0.0),
