@@ -262,11 +262,11 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# After 1, an agent usually lands in nearly every mission and brings home little; after 2, it is
-# often still in the air when the time is up. After 3, it learns only what its frozen judge
-# believes, one step ahead. In 4, the examples of a minibatch are all from the same few flights.
-# After 5 it still learns, because Q-learning is off-policy (6.1) and the curve shows it *without*
-# exploring. Compare your curve with the first one, and run it twice.
+# After 1, an agent brings home less than a third: often it lands in every mission, and sometimes it
+# learns nothing at all. After 2, it is often still in the air when the time is up. After 3, it
+# learns only what its frozen judge believes, one step ahead. In 4, the examples of a minibatch are
+# all from the same few flights. After 5 it still learns, because Q-learning is off-policy (6.1) and
+# the curve shows it *without* exploring. Compare your curve with the first one, and run it twice.
 #
 # Why does a high price do harm? An agent that has only ever seen crashes concludes that it is best
 # to stay at home. Such a **lazy agent** is the most common failure in this project, and its loss is
