@@ -1,4 +1,4 @@
-"""The paper's figures, made again: one file each in `data/figures/paper`.
+"""The paper's figures, made again, in `data/figures/paper`, and what each part of `lite` is worth.
 
     python benchmarks/figures.py
 
@@ -50,6 +50,33 @@ def curves(study: str) -> Figure:
     greedy = table | {k: table[f"greedy_{k}"] for k in ("return", "collected_and_landed")}
     figure = Figure(figsize=(9, 4), layout="constrained")
     draw_study(figure, greedy)
+    return figure
+
+
+def parts() -> Figure:
+    """The end of each run of `lite` with one part undone, in both arms, a dot a run."""
+    table = read_table(DATA / "runs" / "pilots-manhattan.csv.gz")
+    ends = table["steps"] == table["steps"].max()
+    of_centred = {}
+    for name in np.unique(table["variant"]):
+        if name.startswith("centred_"):
+            runs = ends & (table["variant"] == name)
+            of_centred[name.removeprefix("centred_")] = table["collected_and_landed"][runs].mean()
+    names = sorted(of_centred, key=of_centred.__getitem__)
+    figure = Figure(figsize=(9, 0.9 + 0.3 * len(names)), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for ax, metric in zip(axes, ("collected_and_landed", "return"), strict=True):
+        for arm, marker, colour in (("centred", "o", "C0"), ("in_place", "D", "C1")):
+            for place, name in enumerate(names):
+                values = table[metric][ends & (table["variant"] == f"{arm}_{name}")]
+                label = arm.replace("_", " ") if ax is axes[0] and place == 0 else None
+                at = np.full(len(values), place)
+                ax.plot(values, at, marker, color=colour, ms=5, alpha=0.7, label=label)
+        ax.set_xlabel(f"{metric.replace('_', ' ')} in validation")
+        ax.grid(axis="y", alpha=0.3)
+    axes[0].set_xlim(-0.03, 1.03)
+    axes[0].set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    figure.legend(loc="outside upper right", ncols=2)
     return figure
 
 
@@ -116,6 +143,7 @@ def main() -> None:
         "open_field": lambda: flights("open_field", quarter),
         "courtyard": lambda: flights("open_field", courtyard),
         "manhattan": lambda: flights("manhattan", manhattan()),
+        "../parts_of_lite": parts,
     }
     OUT.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():

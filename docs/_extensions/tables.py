@@ -381,6 +381,28 @@ def study(name: str) -> str:
     return _table(head, (rows[variant] for variant in (first, *others)))
 
 
+def parts() -> str:
+    """What is left of `lite` without each of its parts, with the map centred and in place."""
+    ends: dict[str, dict[str, np.ndarray]] = {}
+    for variant, runs in _runs("pilots-manhattan").items():
+        ends[variant] = {key: np.array([run[key][-1] for run in runs]) for key in (BOTH, "return")}
+    names = [name.removeprefix("centred_") for name in ends if name.startswith("centred_")]
+    first, rows = names[0], {}
+    for name in names:
+        row = [name.replace("_", " ")]
+        for arm in ("centred", "in_place"):
+            own, usual = ends[f"{arm}_{name}"], ends[f"{arm}_{first}"]
+            change = "" if name == first else _change(own[BOTH], usual[BOTH], 3)
+            row += [_numbers(own[BOTH], 3), change, _numbers(own["return"], 1)]
+        rows[name] = row
+    others = sorted(names[1:], key=lambda name: ends[f"centred_{name}"][BOTH].mean())
+    head = ["recipe `lite`"]
+    for arm in ("centred", "in place"):
+        head += [f"{arm}: collected and landed, by seed", "change of the mean", "return, by seed"]
+    table = _table(head, (rows[name] for name in (first, *others)))
+    return f"{table}\n{_run_by('pilots-manhattan')}"
+
+
 def _change(values: np.ndarray, usual: np.ndarray, digits: int) -> str:
     return f"{values.mean() - usual.mean():+.{digits}f}".replace("-", "−")
 
