@@ -27,7 +27,7 @@ from uavdh_lite.bridges.gymnasium import ID, as_policy
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.evaluation import Policy, evaluate
-from uavdh_lite.network import convolutions
+from uavdh_lite.network import WholeFrame, convolutions
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import LITE, SMALL
 from uavdh_lite.scenario import find_scenario
@@ -55,10 +55,13 @@ class Convolutions(BaseFeaturesExtractor):
     """What comes before the fully connected layers of our network."""
 
     def __init__(self, space: gymnasium.spaces.Dict):
-        shape, r = space["map"].shape, QUICK
-        layers, features = convolutions(shape, r.kernels, r.kernel_size, r.strides, r.leak)
+        (channels, side, _), r = space["map"].shape, QUICK
+        frame = WholeFrame(side, r.kernel_size, r.strides)
+        layers, features = convolutions(
+            channels, frame.side, r.kernels, r.kernel_size, r.strides, r.leak
+        )
         super().__init__(space, features + 1)
-        self.convolutions = layers
+        self.convolutions = nn.Sequential(frame, layers)
 
     def forward(self, seen: dict[str, Tensor]) -> Tensor:
         return torch.cat([self.convolutions(seen["map"]), seen["time"]], dim=1)

@@ -143,12 +143,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("place.png"), help="the city's PNG")
     options = parser.parse_args(arguments)
     x, y = map(float, options.centre.split(","))
+    table = options.out.with_suffix(".npz")
+    if table.exists():
+        parser.error(f"{table} exists, and took long: name another file with --out")
     tracer = Tracer(Place(options.scene, (x, y), options.cells, rays=options.rays))
     city, place = tracer.city(options.out.stem, options.landing_cells), asdict(tracer.place)
     about = {**place, "buildings": buildings_fingerprint(city)}
     city.save(options.out)
-    save_gains(options.out.with_suffix(".npz"), tracer.gains(city), about)
-    print(city.text, f"{options.out}, {options.out.with_suffix('.npz')}", sep="\n")
+    save_gains(table, tracer.gains(city), about)
+    print(city.text, f"{options.out}, {table}", sep="\n")
 
 
 if __name__ == "__main__":

@@ -129,6 +129,8 @@ def load_agent(path: str | Path) -> Agent:
         # Some files hold half-precision weights, to be small
         weights = {k.removeprefix("network."): v.float() for k, v in tensors.items()}
         network.load_state_dict(weights, assign=True)
+        if not all(weight.isfinite().all() for weight in weights.values()):
+            raise InputError("a weight is not a finite number")
     except (ValueError, LookupError, RuntimeError, TypeError) as error:
         raise CheckpointError(
             f"{path}: does not fit this version of uavdh_lite ({error})"

@@ -67,3 +67,6 @@ def test_the_command_writes_a_city_and_its_gains(trace, tmp_path, capsys):
     gain_db, about = load_gains(tmp_path / "canyon.npz")
     assert gain_db.shape == (16, 16) and about["centre"] == [-5, 0]
     assert "L" in capsys.readouterr().out and load_place(out).size == 4
+    with pytest.raises(SystemExit):
+        trace.main(["simple_street_canyon", "--centre=25,10", *options])
+    assert "canyon.npz exists" in capsys.readouterr().err

@@ -101,6 +101,15 @@ def test_an_agent_that_does_not_fit_is_refused(path):
         load_agent(path)
 
 
+@pytest.mark.parametrize("value", [torch.nan, torch.inf])
+def test_an_agent_with_a_weight_that_is_not_finite_is_refused(path, value):
+    tensors, about = load(path, "agent")
+    tensors["network.head.0.weight"][0, 0] = value
+    save(path, "agent", tensors, about)
+    with pytest.raises(CheckpointError, match=r"a\.safetensors.*not a finite number"):
+        load_agent(path)
+
+
 def test_a_loaded_agent_has_nothing_more_to_do_with_its_file(agent, path, generator):
     """Whatever is written there later, in place or shorter."""
     loaded, state = load_agent(path), agent.scenario.sample(agent.environment, 30, generator)

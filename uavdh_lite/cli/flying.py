@@ -138,7 +138,8 @@ def fly(
     if mission is not None and (city is not None or seed is not None):
         raise InputError("a mission has its own city and seed: leave out --city and --seed")
     out = output(out, "flight.png")
-    if city is not None and Path(city) in (out, out.parent):
+    read = Path(city or "")
+    if city and out.exists() and read.exists() and any(map(read.samefile, (out, out.parent))):
         raise InputError(f"{out}: the command reads it: write to another file")
     given = None if mission is None else missions.load_mission(mission)
     name, agent = open_agent(checkpoint, city if given is None else given.city)
