@@ -391,6 +391,9 @@ def parts() -> str:
     for name in names:
         row = [name.replace("_", " ")]
         for arm in ("centred", "in_place"):
+            if f"{arm}_{name}" not in ends:
+                row += [""] * 3
+                continue
             own, usual = ends[f"{arm}_{name}"], ends[f"{arm}_{first}"]
             change = "" if name == first else _change(own[BOTH], usual[BOTH], 3)
             row += [_numbers(own[BOTH], 3), change, _numbers(own["return"], 1)]
