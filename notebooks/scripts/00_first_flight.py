@@ -224,7 +224,7 @@ for metric in scores["random"]:
 # everything.
 #
 # **The DDQN agent** comes close to greedy but does not overtake it. (In the 1000 missions of
-# notebook 8 it does worse than here; that notebook says which result to trust.) But greedy was
+# notebook 8 it does worse than here; 8.3 says how far to trust such a result.) But greedy was
 # given the shortest routes, and a rule that a person had thought up. Nobody told the agent what the
 # map means. Its network started with random weights, and from rewards alone it has learned to fly
 # to data, to turn back and to land, in *this* city.

@@ -77,7 +77,7 @@ figure
 # “not allowed to fly over buildings” at all, so this city has no low ones. A device may stand
 # anywhere except on a building or in a landing zone.
 #
- ## 1.2 Path loss
+# ## 1.2 Path loss
 #
 # A radio signal gets weaker as it travels. The loss spans many powers of ten, so engineers use a
 # logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. Thus 10 dB is a factor of

@@ -320,7 +320,7 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
 #
 # | name | what it is | written in | paper |
 # | --- | --- | --- | --- |
-# | `CentredMap` | what the network sees | 4.2 | III-C |
+# | `CentredMap` | what the network sees | 4.3 | III-C |
 # | `QNetwork` | what each action is worth | 5.7 | Fig. 2 |
 # | `softmax_policy` | draws actions | 6.4 | eq. 10 |
 # | `double_target` | what the network should have said | 6.5 | eq. 8 |

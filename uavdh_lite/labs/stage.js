@@ -36,7 +36,7 @@ const page = (tools) => `<div class="main">
   <div role="tablist" aria-label="tools" ${tools.length > 1 ? "" : "hidden"}>${tools.map(tab).join("")}</div>
   <div class="actions"><select data-set="city" aria-label="city"></select>
     ${button("New", { kind: "new" }, 'title="the next random mission; their order is the same for everybody"')}
-    ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo" title="undo the last change; in Fly, the last move"')}
+    ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo" title="undo the last change or move"')}
     ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo" title="redo it"')}
     <button type="button" class="more" aria-haspopup="dialog" title="${MORE}">More</button></div>
   ${CONTROLS}

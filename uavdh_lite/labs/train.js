@@ -55,9 +55,12 @@ const TRIES = {
   "frozen target": [{}, { frozen: true }, "Its goals stand still. How far does it come?"],
   "no punishment": [{}, crash(0), "Crashing costs nothing. Will it come home?"],
   "memory of 64": [{}, { replay_capacity: 64 }, "It learns from the last four steps alone."],
-  "in place": [{}, IN_PLACE, "The orange one's map is not centred. What did centring do?"],
-  "in place, scaled": [{}, { ...IN_PLACE, ...SCALES }, "Not centred, but with input scales."],
-  "γ 0": [{}, { discount: 0 }, "The next step alone counts. Does it come home?"],
+  "in place": [IN_PLACE, { ...IN_PLACE, ...SCALES }, "Nothing is centred. Do input scales help?"],
+  "γ 0.5": [
+    {},
+    { discount: 0.5 },
+    "Later rewards count little: three of four runs landed in about 30 % of missions.",
+  ],
 };
 
 const share = (value) => `${Math.round(100 * value)} %`;

@@ -10,7 +10,7 @@
 # # Exercises 8 · Ablation: map centring
 #
 # These exercises go with notebook `08_ablation_map_centring`. You need numpy, means and standard
-# deviations, and the p-value, which the notebook explains.
+# deviations, and the p-value, which the page *Before you believe a surprise* explains.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
 # says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
