@@ -267,7 +267,7 @@ figure.legend(loc="outside right upper");
 # takes all dots of one arm down and leaves the other arm where it was. Five nearly do so: the input
 # scales, the layer norm, the leaky ReLUs, the larger memory (*replay*) and the Huber loss. Without
 # any one of them, agents in place lose a quarter or more of what they collected, whereas centred
-# ones lose five points at most on average. So **no single part explains the disagreement**: `plain`
+# ones lose about five at most, on average. So **no single part explains the disagreement**: `plain`
 # has none of the five, and in place each is needed. Centring makes them nearly unnecessary, perhaps
 # because the network need not first find out where the UAV is.
 #
