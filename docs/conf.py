@@ -30,7 +30,7 @@ nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!uavdh_lite\b).*"),  # numpy, torch: their sites are elsewhere
     ("py:class", r".*\.Preset"),  # a type variable
-    ("py:class", r"uavdh_lite\.cli\.options\..*"),  # made from the fields of a dataclass
+    ("py:class", r"uavdh_lite\.cli\.options\.Annotated\[.*"),  # made from the fields of a dataclass
 ]
 
 myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]

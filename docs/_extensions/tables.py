@@ -352,12 +352,17 @@ def _runs(study: str) -> dict[str, list[dict[str, np.ndarray]]]:
     return {name: [*_parts(one, "seed").values()] for name, one in variants.items()}
 
 
+def _ends(study: str) -> dict[str, dict[str, np.ndarray]]:
+    """The last validation of each variant: the columns, with a value for each seed."""
+    return {
+        variant: {key: np.array([run[key][-1] for run in runs]) for key in runs[0]}
+        for variant, runs in _runs(study).items()
+    }
+
+
 def study(name: str) -> str:
     """The last validation of each run, by variant: the changes are those to the first variant."""
-    ends = {
-        variant: {key: np.array([run[key][-1] for run in runs]) for key in runs[0]}
-        for variant, runs in _runs(name).items()
-    }
+    ends = _ends(name)
     first, rows = next(iter(ends)), {}
     for variant, end in ends.items():
         landed = sorted(f"{value:.3f}" for value in end["landed"])
@@ -383,9 +388,7 @@ def study(name: str) -> str:
 
 def parts() -> str:
     """What is left of `lite` without each of its parts, with the map centred and in place."""
-    ends: dict[str, dict[str, np.ndarray]] = {}
-    for variant, runs in _runs("pilots-manhattan").items():
-        ends[variant] = {key: np.array([run[key][-1] for run in runs]) for key in (BOTH, "return")}
+    ends = _ends("pilots-manhattan")
     names = [name.removeprefix("centred_") for name in ends if name.startswith("centred_")]
     first, rows = names[0], {}
     for name in names:

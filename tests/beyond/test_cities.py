@@ -76,5 +76,6 @@ def test_every_other_city_may_be_smaller():
 def test_a_wrong_name_of_random_cities_and_an_unknown_kind_are_refused(name, wrong):
     with pytest.raises(InputError, match=wrong):
         load_cities(f"random:{name}")
-    with pytest.raises(InputError, match="blocks, scattered, courtyards, old_town"):
-        CityGenerator(kinds=("blocks", "castle"))
+    for kinds in ((), ("blocks", "castle")):
+        with pytest.raises(InputError, match="blocks, scattered, courtyards, old_town"):
+            CityGenerator(kinds=kinds)

@@ -172,6 +172,7 @@ def test_help_explains_every_field_with_the_value_of_the_recipe_that_is_named(
         ("train --discoun 1", "--discount"),
         ("train --discount nan", "discount is nan"),
         ("train --kernels 1.5", "--kernels"),
+        ("train --out=", "--out is empty"),
         ("evaluate --seed -1", "--seed"),
         ("fly --city a\x1b[2J.png", r"a\\x1b\[2J.png: cannot be read"),
         ("train --device cuda", "cuda"),

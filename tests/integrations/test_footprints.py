@@ -157,7 +157,7 @@ OTHERS = {
     "LFS": ("version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "git lfs pull"),
     "XML": ('\n<?xml version="1.0"?><osm/>', "XML or HTML"),
     "zip": (b"PK\x03\x04...", "ZIP archive"),
-    "nothing": ("", "not JSON"),
+    "nothing": ("", r"not JSON, or damaged \(Expecting value"),
     "another format": (b"SQLite format 3\0", "not JSON"),
     "deep": ("[" * 100_000, "not JSON"),
     "half a line": ('{"type": "Feature", "geometry": null}\n{"type": ', "not JSON"),

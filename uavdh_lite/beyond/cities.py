@@ -267,11 +267,10 @@ class CityGenerator:
 
     def __post_init__(self):
         require(self, "cities")
-        if (self.smallest or 0) > self.size or not set(self.kinds) <= set(BUILDERS):
-            raise InputError(
-                f"cities of {self.smallest} to {self.size} cells, of the kinds {self.kinds}: write "
-                f"8-16, say, and kinds of {', '.join(BUILDERS)}"
-            )
+        if self.smallest is not None and self.smallest > self.size:
+            raise InputError(f"cities of {self.smallest} to {self.size} cells: write 8-16, say")
+        if not self.kinds or not set(self.kinds) <= set(BUILDERS):
+            raise InputError(f"kinds of city {self.kinds}: choose from {', '.join(BUILDERS)}")
 
     def draw(self, count: int, seed: int) -> tuple[City, ...]:
         """The first `count` cities of this seed; more of them begin with the same ones."""

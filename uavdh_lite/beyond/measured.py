@@ -111,10 +111,10 @@ def load_place(name: str | Path) -> MeasuredEnvironment:
     city, (gain_db, about) = City.load(path), load_gains(table)
     right = {key: getattr(channel, key) for key in ("cell_size_m", "altitude_m")}
     right["buildings"] = buildings_fingerprint(city)
-    for key in right.keys() & about.keys():
-        if about[key] != right[key]:
+    for key, value in right.items():
+        if about.get(key, value) != value:
             raise InputError(
-                f"{table}: its {key} are {about[key]}, but {right[key]} for {path.name}: take the "
+                f"{table}: its {key} are {about[key]}, but {value} for {path.name}: take the "
                 "table that belongs to it"
             )
     try:

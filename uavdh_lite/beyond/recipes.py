@@ -51,8 +51,13 @@ class BeyondRecipe(Recipe):
         return super().environment_for(city, channel)
 
     def observation_for(self, environment: Environment, size: int = 0) -> Observation:
-        kinds = Observation, ToldObservation, SafeObservation, SafeToldObservation
-        kind = kinds[2 * self.failsafe + self.told]
+        kinds = {
+            (False, False): Observation,
+            (True, False): SafeObservation,
+            (False, True): ToldObservation,
+            (True, True): SafeToldObservation,
+        }
+        kind = kinds[self.failsafe, self.told]
         return kind(environment, self.observation, self.data_scale, self.time_scale, size)
 
     def network_for(self, observation: Observation) -> nn.Module:

@@ -226,10 +226,10 @@ def _features(path: Path) -> Iterator[Any]:
         try:
             parts = [json.loads(text)]
         except json.JSONDecodeError as error:  # one a line, or RFC 8142 with a mark before each
-            if error.msg != "Extra data" and text[0] != "\x1e":
+            if error.msg != "Extra data" and not text.startswith("\x1e"):
                 raise
             parts = [json.loads(line) for line in text.replace("\x1e", "").splitlines() if line]
-    except (ValueError, LookupError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON, or damaged ({error})") from None
     for part in parts:
         part = part if isinstance(part, dict) else {}

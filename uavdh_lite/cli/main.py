@@ -8,7 +8,7 @@ import warnings
 from importlib import import_module
 from typing import get_args
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import UNSET, App, CycloptsError, Parameter
 from cyclopts.exceptions import CoercionError
 
 from uavdh_lite import __version__
@@ -45,7 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = lambda text, *where: _fail(0, text, "warning")  # type: ignore
+            warnings.showwarning = lambda text, *where: _say("warning", text)  # type: ignore
             _run(arguments)
             sys.stdout.flush()
     except CycloptsError as error:
@@ -64,10 +64,9 @@ def main(arguments: list[str] | None = None) -> int:
     except MemoryError as error:
         return _fail(1, f"not enough memory: {error}")
     except RuntimeError as error:
-        message = str(error).partition("\n")[0]
-        if not any(map(message.count, RUNTIME_ERRORS)):
+        if not any(word in str(error) for word in RUNTIME_ERRORS):
             raise
-        return _fail(1, message)
+        return _fail(1, str(error).partition("\n")[0])
     except KeyboardInterrupt:
         return 130
     return 0
@@ -92,7 +91,7 @@ def _application(arguments: list[str]) -> App:
         help="UAV data harvesting by deep reinforcement learning.",
         help_format="markdown",
         version=__version__,
-        config=_require_whole_numbers,
+        config=_require_values,
         default_parameter=Parameter(consume_multiple=1, negative_iterable=(), allow_repeating=True),
         print_error=False,
         exit_on_error=False,
@@ -107,17 +106,23 @@ def _application(arguments: list[str]) -> App:
     return application
 
 
-def _require_whole_numbers(app, commands, arguments) -> None:
-    """Refuse 1.5 where an int is expected: Cyclopts would round it."""
+def _require_values(app, commands, arguments) -> None:
+    """Refuse an empty value, and 1.5 where an int is expected: Cyclopts would round it."""
     for argument in arguments:
+        if any(not token.value and token.implicit_value is UNSET for token in argument.tokens):
+            raise CycloptsError(msg=f"{argument.name} is empty: give it a value.")
         if int in (argument.hint, *get_args(argument.hint)):
             for token in argument.tokens:
                 if "." in token.value:
                     raise CoercionError(argument=argument, token=token, target_type=int)
 
 
-def _fail(status: int, message: object, kind: str = "error") -> int:
-    """Print an error as one line."""
+def _say(kind: str, message: object) -> None:
     text = one_line(" ".join(str(message).splitlines()))
     print(f"uavdh_lite: {kind}: {text}", file=sys.stderr)
+
+
+def _fail(status: int, message: object) -> int:
+    """Print an error as one line."""
+    _say("error", message)
     return status

@@ -119,8 +119,8 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
     named = [p for p in every if p.parent.name == assignment or assignment in p.name]
     whole = student.resolve()  # a link may lead to another student's work
     own = [p for p in named if p.is_file() and p.resolve() == whole / p.relative_to(student)]
-    for path in {*named} - {*own}:
-        sheet.notes.append(f"set aside: {path.relative_to(student).as_posix()} is not a file")
+    aside = [p.relative_to(student).as_posix() for p in named if p not in own]
+    sheet.notes += [f"set aside: {path} is not a file" for path in aside]
     if not own:
         others = sorted(p.name for p in (student / assignment).glob("*") if p.suffix != ".ipynb")
         sheet.missing = not named and not others

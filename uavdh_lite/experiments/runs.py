@@ -154,8 +154,8 @@ def _restore(trainer: Trainer, out: Path, command: str) -> None:
 
 def _write_results(trainer: Trainer, out: Path, command: str) -> str:
     """Write the tables and, if it is the best so far, the agent; the newest result in words."""
-    agent = trainer.agent
     if trainer.is_best:
+        agent = trainer.agent
         training = agent.training | {"command": command}
         save_agent(out / "best.safetensors", replace(agent, training=training))
     tables = {"training": trainer.training_rows, "validation": trainer.validation_rows}
@@ -163,8 +163,10 @@ def _write_results(trainer: Trainer, out: Path, command: str) -> str:
         if rows:
             write_table(out / f"{name}.csv", rows)
     _write_about(trainer, out, command)  # last: it says that these steps are written
-    newest = trainer.validation_rows[-1:]
-    return "".join(f"landed {row['landed']:.1%}, return {row['return']:.1f}" for row in newest)
+    if not trainer.validation_rows:
+        return ""
+    newest = trainer.validation_rows[-1]
+    return f"landed {newest['landed']:.1%}, return {newest['return']:.1f}"
 
 
 def _write_about(trainer: Trainer, out: Path, command: str) -> None:
