@@ -22,11 +22,12 @@ from pathlib import Path
 import joblib
 import numpy as np
 import torch
+from scipy.special import stdtrit
 
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import Environment, State
-from uavdh_lite.evaluation import Policy, evaluate, in_flight, runs_interval
+from uavdh_lite.evaluation import Interval, Policy, evaluate, in_flight, mean_interval
 from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.provenance import provenance
@@ -133,6 +134,29 @@ def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np
         environment, steps = policy.environment, agent.training["steps"]
     records = evaluate(environment, policy, find_scenario(scenario), missions, SEED).records()
     return {metric: records[metric] for metric in METRICS}, steps
+
+
+def runs_interval(values: np.ndarray) -> Interval:
+    """The mean of S training runs on the same N missions, (S, N), with its 95 % interval.
+
+    It is for other runs on other missions. How much the runs differ beyond what a mission and a run
+    have by chance counts by Student's t with S − 1 degrees of freedom, how much the missions differ
+    by the normal distribution; both halves add in square. Of one run it is `mean_interval`, which
+    says nothing about others.
+    """
+    runs, missions = values.shape
+    if runs == 1:
+        return mean_interval(values[0])
+    mean, of_run, of_mission = values.mean(), values.mean(axis=1), values.mean(axis=0)
+    # Mean squares of an analysis of variance in two ways
+    between_runs = missions * of_run.var(ddof=1)
+    between_missions = runs * of_mission.var(ddof=1)
+    rest = ((values - of_run[:, None] - of_mission + mean) ** 2).sum()
+    rest /= (runs - 1) * (missions - 1)
+    trained = stdtrit(runs - 1, 0.975) ** 2 * max(between_runs - rest, 0)
+    flown = stdtrit(missions - 1, 0.975) ** 2 * max(between_missions, rest)
+    half = np.sqrt((trained + flown) / values.size)
+    return Interval(float(mean), float(mean - half), float(mean + half))
 
 
 def summary(flown: list[dict[str, np.ndarray]], greedy: dict[str, np.ndarray]) -> dict[str, float]:

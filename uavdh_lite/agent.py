@@ -65,8 +65,7 @@ class Agent(Policy):
     @torch.no_grad()
     def q_values(self, state: State) -> Tensor:
         """Q-values of all actions, (B, 6), on the CPU."""
-        starts = range(0, max(len(state), 1), CHUNK)
-        chunks = [state[start : start + CHUNK] for start in starts]
+        chunks = [state[start : start + CHUNK] for start in range(0, len(state), CHUNK)]
         return torch.cat([self.network(*self.observation(chunk)).cpu() for chunk in chunks])
 
     def act(self, state: State) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from torch import Tensor
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.city import City
-from uavdh_lite.config import from_json, require
+from uavdh_lite.config import from_json
 from uavdh_lite.errors import CheckpointError, InputError
 from uavdh_lite.recipe import recipe_from_json
 from uavdh_lite.scenario import Scenario
@@ -78,20 +78,6 @@ def _digest(header: str, tensors: dict[str, Tensor]) -> str:
     return digest.hexdigest()
 
 
-@dataclass(frozen=True)
-class _Header:
-    """What the header of an agent's file holds: JSON values from which its parts are made again."""
-
-    recipe: dict
-    scenario: dict
-    cities: tuple[dict, ...]  # the name of each, and the cells on a side without what is around it
-    size: int  # of the observation: cells on a side of the largest city that the network can see
-    training: dict
-
-    def __post_init__(self):
-        require(self, "header")
-
-
 def save_agent(path: str | Path, agent: Agent) -> None:
     """Write an agent: weights, the cities it was trained in, recipe, scenario, how it was trained.
 
@@ -99,9 +85,15 @@ def save_agent(path: str | Path, agent: Agent) -> None:
     """
     tensors = {f"network.{name}": value for name, value in agent.network.state_dict().items()}
     tensors["cities"] = torch.from_numpy(np.stack([city.kinds for city in agent.trained_in]))
-    cities = tuple({"name": city.name, "size": city.own_size} for city in agent.trained_in)
-    recipe, scenario, size = agent.recipe.as_json(), asdict(agent.scenario), agent.observation.size
-    save(path, "agent", tensors, vars(_Header(recipe, scenario, cities, size, agent.training)))
+    about = {
+        "recipe": agent.recipe.as_json(),
+        "scenario": asdict(agent.scenario),
+        # Their cells without what is around them
+        "cities": [{"name": city.name, "size": city.own_size} for city in agent.trained_in],
+        "size": agent.observation.size,  # of the largest city that the network can see
+        "training": agent.training,
+    }
+    save(path, "agent", tensors, about)
 
 
 def load_agent(path: str | Path) -> Agent:
@@ -112,18 +104,14 @@ def load_agent(path: str | Path) -> Agent:
     path = _file(path)
     tensors, about = load(path, "agent")
     try:
-        header = from_json(_Header, about, "header")
-        recipe = recipe_from_json(header.recipe)
-        scenario = from_json(Scenario, header.scenario, "scenario")
+        recipe = recipe_from_json(about["recipe"])
+        scenario = from_json(Scenario, about["scenario"], "scenario")
         cities = tuple(
             City.from_kinds(one["name"], kinds[: one["size"], : one["size"]])
-            for one, kinds in zip(header.cities, tensors.pop("cities").numpy(), strict=True)
+            for one, kinds in zip(about["cities"], tensors.pop("cities").numpy(), strict=True)
         )
-        for one, city in zip(header.cities, cities, strict=True):
-            if one["size"] != city.size:
-                raise InputError(f"{city.name} has {city.size} cells on a side, not {one['size']}")
         environment = recipe.environment_for(cities, scenario.channel)
-        observation = recipe.observation_for(environment, header.size)
+        observation = recipe.observation_for(environment, about["size"])
         with torch.device("meta"):  # without weights: they are in the file
             network = recipe.network_for(observation)
         # Some files hold half-precision weights, to be small
@@ -135,7 +123,7 @@ def load_agent(path: str | Path) -> Agent:
         raise CheckpointError(
             f"{path}: does not fit this version of uavdh_lite ({error})"
         ) from None
-    return Agent(network.eval(), observation, recipe, scenario, header.training)
+    return Agent(network.eval(), observation, recipe, scenario, about["training"])
 
 
 def _file(path: str | Path) -> Path:

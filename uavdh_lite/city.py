@@ -74,8 +74,7 @@ class City:
             object.__setattr__(self, layer, read_only(copy))
         shape = self.landing.shape
         if len(shape) != 2 or shape[0] != shape[1]:
-            size = " × ".join(map(str, shape[::-1]))  # width first
-            raise CityError(f"{self.name}: a city must be square, this one is {size} cells")
+            raise CityError(f"{self.name}: a city must be square, this one has the shape {shape}")
         if self.no_fly.shape != shape or self.buildings.shape != shape:
             raise CityError(f"{self.name}: the layers landing, no_fly, buildings differ in shape")
         if shape[0] > MAX_SIZE:
@@ -85,8 +84,7 @@ class City:
             raise CityError(f"{self.name}: no start and landing zone; paint at least one cell blue")
         both = self.landing & (self.no_fly | self.buildings)
         if both.any():
-            where = f"{self.name}: {_first(both)}"
-            raise CityError(f"{where} is landing zone and no-fly or building: choose one")
+            raise CityError(f"{self.name}: {_first(both)} is landing zone and no-fly or building")
         walled_in = self.landing & ~grow(~self.no_fly)
         if walled_in.any() and self.size > 1:
             raise CityError(
@@ -179,13 +177,14 @@ class City:
         try:
             city = cls.from_kinds(path.stem, kinds)
         except CityError as error:
-            raise CityError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
+            raise CityError(f"{path}: {error}") from None
+        open_cells = np.count_nonzero(~city.no_fly)
         for part in connected_parts(~city.no_fly):
-            zone, open_cells = part & city.landing, np.count_nonzero(~city.no_fly)
-            if zone.any() and part.sum() < 0.75 * open_cells:
+            zone, reached = part & city.landing, np.count_nonzero(part)
+            if zone.any() and reached < 0.75 * open_cells:
                 warnings.warn(
                     f"{path}: from the landing zone at {_first(zone)}, the UAV reaches only "
-                    f"{part.sum()} of the {open_cells} cells without a no-fly zone",
+                    f"{reached} of the {open_cells} cells without a no-fly zone",
                     stacklevel=2,
                 )
         return city
@@ -256,24 +255,21 @@ def shipped_cities() -> list[str]:
 def _read_kinds(path: Path) -> np.ndarray:
     """The kinds of a PNG's pixels, (rows, columns) indices into `KINDS`."""
     try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: no system has such a path
-        reason = getattr(error, "strerror", None) or error
-        raise CityError(f"{path}: cannot be read ({reason})") from None
+        content = io.BytesIO(path.read_bytes())
+    except OSError as error:
+        raise CityError(f"{path}: cannot be read ({error})") from None
+    pixels = np.empty((0, 0, 4), np.uint8)
     try:
-        with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
-            width, height = image.size
-            if max(image.size) > MAX_SIZE:  # known from the header: nothing large is decoded
-                raise CityError(
-                    f"{path}: {width} × {height} pixels, at most {MAX_SIZE} on a side fit"
-                )
+        image = Image.open(content, formats=["PNG"])
+        small = max(image.size) <= MAX_SIZE  # known from the header: nothing large is decoded
+        if small:
             image.verify()  # tests the checksums; afterwards the file must be opened again
-        with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
-            pixels = np.asarray(image.convert("RGBA"))
-    except CityError:
-        raise
+            pixels = np.asarray(Image.open(content, formats=["PNG"]).convert("RGBA"))
     except Exception:  # Pillow raises many types for damaged files
         raise CityError(f"{path}: not a readable PNG file, or a damaged one") from None
+    if not small:
+        size = " × ".join(map(str, image.size))
+        raise CityError(f"{path}: {size} pixels, at most {MAX_SIZE} on a side fit")
     on, off = pixels[..., :3] >= ON, pixels[..., :3] <= OFF
     matches = (on[:, :, None] == (COLOURS > 0)).all(-1)
     clear = (on | off).all(-1) & (pixels[..., 3] == 255)

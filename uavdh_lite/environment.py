@@ -184,6 +184,11 @@ class Environment:
     channel: Channel = Channel()  # noqa: RUF009 (frozen)
 
     def __post_init__(self):
+        self.cities  # noqa: B018 (it raises what is wrong)
+
+    @cached_property
+    def cities(self) -> tuple[City, ...]:
+        """The cities, all of `size` cells on a side."""
         cities = self.city if isinstance(self.city, tuple | list) else (self.city,)
         if not 1 <= len(cities) <= MAX_CITIES:
             raise InputError(f"{len(cities)} cities: an environment takes 1 to {MAX_CITIES}")
@@ -193,11 +198,6 @@ class Environment:
                     f"an environment takes a City or a tuple of them, here is {shown(city)}: "
                     "City.load reads one by its name or from a PNG"
                 )
-
-    @cached_property
-    def cities(self) -> tuple[City, ...]:
-        """The cities, all of `size` cells on a side."""
-        cities = (self.city,) if isinstance(self.city, City) else tuple(self.city)
         size = max(city.size for city in cities)
         return tuple(city.embedded(size) for city in cities)
 
@@ -353,24 +353,21 @@ class Environment:
             next_cell: (B,), the UAV's cell after the step: the same, or a neighbour.
             fading: (B, δ, K), standard normal; 0 gives the mean.
         """
-        squared_distance_m2, sight = self._links(state, next_cell)
-        return (
-            self.transmit_snr_db[state.city[:, None, None]]
-            - self.channel.path_loss_db(squared_distance_m2, sight)
-            + self.channel.fading_db(fading, sight)
-        )
-
-    def _links(self, state: State, next_cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Squared distance, m², and line of sight from the UAV to each device; (B, δ, K) each."""
-        slots = self.channel.slots
+        channel, slots = self.channel, self.channel.slots
         share = np.arange(1, slots + 1, dtype=np.float32) / np.float32(slots)
         start, end = self._centres_m[:, state.uav_cell], self._centres_m[:, next_cell]  # (2, B)
         uav_m = start[..., None] + share * (end - start)[..., None]  # (2, B, δ)
         device_m = self._centres_m[:, state.device_cells]  # (2, B, K)
         down, right = device_m[:, :, None, :] - uav_m[..., None]
+        squared_distance_m2 = np.float32(channel.altitude_m**2) + down**2 + right**2  # (B, δ, K)
         nearest = np.where(share < 0.5, state.uav_cell[:, None], next_cell[:, None])  # (B, δ)
-        link = state.city[:, None, None], state.device_cells[:, None, :], nearest[:, :, None]
-        return np.float32(self.channel.altitude_m**2) + down**2 + right**2, self.sight[link]
+        city = state.city[:, None, None]
+        sight = self.sight[city, state.device_cells[:, None, :], nearest[:, :, None]]
+        return (
+            self.transmit_snr_db[city]
+            - channel.path_loss_db(squared_distance_m2, sight)
+            + channel.fading_db(fading, sight)
+        )
 
     def rate_map(self, device_cell: int, city: int = 0) -> np.ndarray:
         """Data units per slot, without fading, from a device to a UAV hovering over a cell; (M, M).
@@ -421,8 +418,7 @@ def checked_actions(action: np.ndarray, count: int) -> np.ndarray:
     action = np.asarray(action)
     if action.shape != (count,):
         raise InputError(f"actions of shape {action.shape}: must be ({count},), one an episode")
-    whole = action.dtype.kind in "iu"
-    right = (action >= 0) & (action < len(ACTIONS)) if whole else np.zeros(count, bool)
+    right = (action >= 0) & (action < len(ACTIONS)) & (action.dtype.kind in "iu")
     if not right.all():
         first = right.argmin()
         raise InputError(

@@ -207,9 +207,8 @@ def _require_made_for(policy: Policy, environment: Environment) -> None:
         return
     made_for = f"this {type(policy).__name__} is made for"
     other = "or make another policy with this environment"
-    if own.size != environment.size or fingerprint_of(own.cities) != fingerprint_of(
-        environment.cities
-    ):
+    there, here = ((one.size, fingerprint_of(one.cities)) for one in (own, environment))
+    if there != here:
         raise InputError(
             f"{made_for} {described(own.cities)}, not for {described(environment.cities)}: take "
             f"agent.over(city) of an agent (--city on the command line), {other}"
@@ -233,10 +232,8 @@ def evaluate(
 
     The return is of the rewards `REPORTED`, so agents trained with others compare.
 
-    Raises `InputError` as `fly` does, and unless `episodes` is at least 1.
+    Raises `InputError` as `fly` does.
     """
-    if episodes < 1:
-        raise InputError(f"{episodes} episodes: must be at least 1")
     generator = stream(use, seed)
     start = scenario.sample(environment, episodes, generator)
     return fly(environment, policy, start, generator)
@@ -248,11 +245,7 @@ def mean_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Inter
     What is 0 or 1 says yes or no, such as `landed`. Of rare events the bootstrap would be too sure.
     Over several `groups`, such as cities, the interval is that of `groups_interval`, and does not
     leave 0 to 1 where all values are shares. A single value has none: it is a point.
-
-    Raises `InputError` if there are no values.
     """
-    if not len(values):
-        raise InputError("no values: they have no mean")
     several = groups is not None and len(np.unique(groups)) > 1
     if len(values) > 1 and not several and np.isin(values, (0, 1)).all():
         return wilson_interval(values)
@@ -275,29 +268,6 @@ def groups_interval(values: np.ndarray, groups: np.ndarray) -> Interval:
     count = len(deviations)
     variance = count / (count - 1) * (deviations**2).sum()
     half = stdtrit(count - 1, 0.975) * np.sqrt(variance)
-    return Interval(float(mean), float(mean - half), float(mean + half))
-
-
-def runs_interval(values: np.ndarray) -> Interval:
-    """The mean of S training runs on the same N missions, (S, N), with its 95 % interval.
-
-    It is for other runs on other missions. How much the runs differ beyond what a mission and a run
-    have by chance counts by Student's t with S − 1 degrees of freedom, how much the missions differ
-    by the normal distribution; both halves add in square. Of one run it is `mean_interval`, which
-    says nothing about others.
-    """
-    runs, missions = values.shape
-    if runs == 1:
-        return mean_interval(values[0])
-    mean, of_run, of_mission = values.mean(), values.mean(axis=1), values.mean(axis=0)
-    # Mean squares of an analysis of variance in two ways
-    between_runs = missions * of_run.var(ddof=1)
-    between_missions = runs * of_mission.var(ddof=1)
-    rest = ((values - of_run[:, None] - of_mission + mean) ** 2).sum()
-    rest /= (runs - 1) * (missions - 1)
-    trained = stdtrit(runs - 1, 0.975) ** 2 * max(between_runs - rest, 0)
-    flown = stdtrit(missions - 1, 0.975) ** 2 * max(between_missions, rest)
-    half = np.sqrt((trained + flown) / values.size)
     return Interval(float(mean), float(mean - half), float(mean + half))
 
 

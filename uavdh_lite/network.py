@@ -130,6 +130,5 @@ def fully_connected(
 def with_initial_weights(layer: nn.Conv2d | nn.Linear) -> nn.Module:
     """The layer with Glorot's uniform weights (Glorot and Bengio, 2010) and biases of 0."""
     nn.init.xavier_uniform_(layer.weight)
-    if layer.bias is not None:
-        nn.init.zeros_(layer.bias)
+    nn.init.zeros_(layer.bias)
     return layer

@@ -9,12 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from uavdh_lite.city import MAX_SIZE
-from uavdh_lite.config import shown
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
 
-OBSERVATION_KINDS = ("centred", "non_centred")
 LAYERS = ("landing zone", "no-fly zone", "buildings", "data left", "data collected")
 
 
@@ -38,7 +35,7 @@ class Observation(nn.Module):
         environment: of the states to come.
         size: M, if it is to be more than the largest city has.
 
-    Raises `InputError` for another kind or size.
+    Raises `InputError` for another kind.
     """
 
     surroundings: Tensor  # (C, 3, 3M − 2, 3M − 2) uint8
@@ -52,12 +49,8 @@ class Observation(nn.Module):
         size: int = 0,
     ):
         super().__init__()
-        if str(kind) not in OBSERVATION_KINDS:
-            raise InputError(
-                f"unknown observation {shown(kind)}: choose one of {', '.join(OBSERVATION_KINDS)}"
-            )
-        if not (isinstance(size, int) and 0 <= size <= MAX_SIZE):
-            raise InputError(f"an observation of size {shown(size)}: must be from 0 to {MAX_SIZE}")
+        if kind not in ("centred", "non_centred"):
+            raise InputError(f"unknown observation {kind!r}: choose centred or non_centred")
         self.environment, self.kind = environment, kind
         self.data_scale, self.time_scale = data_scale, time_scale
         self.size = max(size, environment.size)

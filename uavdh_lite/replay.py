@@ -30,11 +30,18 @@ class Batch:
 class Replay:
     """A ring buffer of the last `capacity` transitions of N environments stepped together.
 
-    Each environment has its own column of states, so a state is stored once, and rewards over n
-    steps are summed when a transition is sampled. A transition counts, and can be drawn, once the
-    n steps after it are stored, so that a target never sums fewer because the memory has no more.
+    A **row** holds what one step of all environments began with and did; the row after it holds
+    what followed, so a state is stored once. The newest states, without an action yet, are in the
+    row `head`. A transition can be drawn once the n steps whose rewards it sums are stored. The
+    ring for n = 3:
+
+    ```text
+    row    …  head − 5   head − 4   head − 3 │ head − 2   head − 1 │ head
+              can be drawn                   │ n − 1 not yet       │ no action yet
+    ```
+
     Combined experience replay (Zhang and Sutton, 2017) puts the newest transition into every
-    minibatch; with N environments, the newest N.
+    minibatch; with N environments, the newest N: those of row head − n.
 
     Arguments:
         capacity: transitions in all, rounded up to whole steps of all N.
@@ -53,8 +60,7 @@ class Replay:
         return_steps: int = 1,
     ):
         self.discount, self.return_steps = np.float32(discount), return_steps
-        # More: n − 1 steps that do not count yet, and the newest state, which has no action yet
-        rows = -(-capacity // environments) + return_steps
+        rows = -(-capacity // environments) + return_steps  # n more, which cannot be drawn yet
         lead, devices = (rows, environments), (rows, environments, max_devices)
         self.states: dict[str, np.ndarray] = {
             "uav_cell": np.zeros(lead, np.int16),
@@ -68,9 +74,6 @@ class Replay:
         self.action = np.zeros(lead, np.int8)
         self.reward = np.zeros(lead, np.float32)
         self.terminal = np.zeros(lead, bool)
-        # The ring for n = 3: each row holds the states of one step, the newest one at `head`.
-        #     age of a row   …   5    4    3  |  2    1    0 = head, whose states have no action yet
-        #     can be drawn   …  yes  yes  yes |  no   no   no
         self.head = 0
         self.filled = 0  # rows with an action
 
@@ -121,17 +124,16 @@ class Replay:
 
         There must be as many: `size` is at most `len(self)`.
         """
-        environments = self.action.shape[1]
-        older = generator.choice(len(self) - environments, size - environments, replace=False)
-        age, column = np.divmod(np.r_[:environments, older + environments], environments)
-        first = self.head - self.return_steps - age  # the youngest age that can be drawn is n
+        rows, environments = self.action.shape
+        others = generator.choice(len(self) - environments, size - environments, replace=False)
+        before, column = np.divmod(np.r_[:environments, environments + others], environments)
+        row = self.head - self.return_steps - before
         reward, discount = np.zeros(size, np.float32), np.ones(size, np.float32)
-        steps = np.zeros(size, int)
+        after = row.copy()
         for k in range(self.return_steps):
-            row = (first + k) % len(self.action)
-            reward += discount * self.reward[row, column]
-            steps += discount > 0
-            discount *= self.discount * ~self.terminal[row, column]
-        action = self.action[first % len(self.action), column].astype(np.int64)
-        state, next_state = self._read(first, column), self._read(first + steps, column)
-        return Batch(state, action, reward, discount, next_state)
+            here = (row + k) % rows, column
+            reward += discount * self.reward[here]
+            after += discount > 0
+            discount *= self.discount * ~self.terminal[here]
+        action = self.action[row % rows, column].astype(np.int64)
+        return Batch(self._read(row, column), action, reward, discount, self._read(after, column))

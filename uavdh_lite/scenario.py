@@ -21,21 +21,26 @@ class Scenario:
 
     name: str
     city: str = option("manhattan", "a shipped city, a PNG, or a folder of PNGs")
-    devices: tuple[int, int] = option((2, 5), "least and most number of devices")
-    data: tuple[float, float] = option((5.0, 20.0), "least and most data of a device, data units")
-    flying_time: tuple[int, int] = option((35, 70), "least and most flying time, units of time")
+    devices: tuple[int, int] = option(
+        (2, 5), "least and most number of devices", ge=1, le=MAX_DEVICES
+    )
+    data: tuple[float, float] = option(
+        (5.0, 20.0), "least and most data of a device, data units", ge=0, le=LIMIT - 1
+    )
+    flying_time: tuple[int, int] = option(
+        (35, 70), "least and most flying time, units of time", ge=1, le=LIMIT - 1
+    )
     channel: Channel = Channel()  # noqa: RUF009 (frozen)
 
     def __post_init__(self):
         require(self, f"scenario {self.name}")
         require_name(self.name, "scenario")
-        for name, low, high in (("devices", 1, 1), ("data", 0, LEAST_DATA), ("flying_time", 1, 1)):
+        for name in ("devices", "data", "flying_time"):
             least, most = getattr(self, name)
-            limit = MAX_DEVICES if name == "devices" else LIMIT - 1
-            if not low <= least <= most or not high <= most <= limit:
+            if least > most or most == 0:
                 raise InputError(
-                    f"scenario {self.name}: {name} from {least} to {most}: the first must be at "
-                    f"least {low} and not above the second, the second from {high} to {limit}"
+                    f"scenario {self.name}: {name} from {least} to {most}: the first must not be "
+                    "above the second, which must be above 0"
                 )
 
     @property

@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 
-from uavdh_lite.errors import InputError
-
 
 def line_of_sight(buildings: np.ndarray) -> np.ndarray:
     """Line of sight between all pairs of cells, exact and symmetric.
@@ -20,12 +18,8 @@ def line_of_sight(buildings: np.ndarray) -> np.ndarray:
     Returns: (..., M, M, M, M) bool, `[..., device_row, device_col, uav_row, uav_col]`, True for
         line of sight (LoS), False for non-line of sight (NLoS). A cell that is a building sees
         nothing.
-
-    Raises `InputError` if `buildings` is not square.
     """
     buildings = np.asarray(buildings, bool)
-    if buildings.ndim < 2 or buildings.shape[-2] != buildings.shape[-1]:
-        raise InputError(f"buildings must be a square array, found shape {buildings.shape}")
     *several, size, _ = buildings.shape
     # Only a pair's displacement decides which cells a ray meets. So all pairs with one displacement
     # are computed together, in all cities, which are the last axis here.
@@ -34,18 +28,13 @@ def line_of_sight(buildings: np.ndarray) -> np.ndarray:
     cells = np.arange(size)
     for rows in range(size):
         for cols in range(-size + 1, size):
-            height, width, left = size - rows, size - abs(cols), max(-cols, 0)
-
-            def building_at(cell, height=height, width=width, left=left):
-                r, c = cell
-                return cities[r : r + height, left + c : left + c + width]
-
-            blocked = np.zeros((height, width, cities.shape[-1]), bool)
-            for cell in crossed_cells(rows, cols):
-                blocked |= building_at(cell)
-            for first, second in passed_corners(rows, cols):
-                blocked |= building_at(first) & building_at(second)
-            r, c = cells[:height, None], cells[None, left : left + width]
+            r = cells[: size - rows, None]  # the cells from which a ray ends in the city
+            c = cells[None, max(-cols, 0) : size - max(cols, 0)]
+            blocked = np.zeros((*np.broadcast(r, c).shape, cities.shape[-1]), bool)
+            for row, col in crossed_cells(rows, cols):
+                blocked |= cities[r + row, c + col]
+            for (row, col), (other_row, other_col) in passed_corners(rows, cols):
+                blocked |= cities[r + row, c + col] & cities[r + other_row, c + other_col]
             sight[r, c, r + rows, c + cols] = ~blocked
             sight[r + rows, c + cols, r, c] = ~blocked
     return np.moveaxis(sight, -1, 0).reshape(*several, *(size,) * 4)

@@ -115,14 +115,14 @@ class Trainer:
 
         That is a validation's row, or the best agent so far.
         """
-        started, before = time.perf_counter(), self.steps
+        started, before, rows = time.perf_counter(), self.steps, len(self.training_rows)
         self.step()
         interval = self.recipe.validation_interval
         due = self.finished or self.steps // interval > before // interval
         if due:
             self.validate()
         self.seconds += time.perf_counter() - started
-        return due or self.is_best
+        return due or (len(self.training_rows) > rows and self.is_best)
 
     def step(self) -> None:
         """A step of every episode in flight, B in all, and an update once the memory is prefilled.
@@ -231,11 +231,6 @@ class Trainer:
 
         Of equal ones the first counts. A run too short to judge any keeps the last.
         """
-        by_validation = self.recipe.kept_by == "validation"
-        rows = self.validation_rows if by_validation else self.training_rows
-        new = bool(rows) and rows[-1]["steps"] == self.steps
-        if not (new or self.finished):  # asked after each step: no row, nothing to add up
-            return False
         judged = self._judged()
         if not judged:
             return self.finished
@@ -255,17 +250,15 @@ class Trainer:
         """
         if self.recipe.kept_by == "validation":
             return [(row["steps"], row["return"]) for row in self.validation_rows]
-        judged, count = [], [row["greedy_flights"] for row in self.training_rows]
-        score = [row["greedy_collected_and_landed"] or 0.0 for row in self.training_rows]
-        first, flown = 0, 0
-        for row, steps in enumerate(row["steps"] for row in self.training_rows):
-            flown += count[row]
-            while flown - count[first] >= TEST_FLIGHTS:
-                flown -= count[first]
-                first += 1
-            if flown >= TEST_FLIGHTS:
-                mean = np.average(score[first : row + 1], weights=count[first : row + 1])
-                judged.append((steps, float(mean)))
+        rows, judged = self.training_rows, []
+        flights = np.array([row["greedy_flights"] for row in rows])
+        score = np.array([row["greedy_collected_and_landed"] or 0.0 for row in rows])
+        for end in range(1, len(rows) + 1):
+            enough = np.flatnonzero(flights[:end][::-1].cumsum() >= TEST_FLIGHTS)
+            if len(enough):
+                last = slice(end - 1 - enough[0], end)
+                mean = np.average(score[last], weights=flights[last])
+                judged.append((rows[end - 1]["steps"], float(mean)))
         return judged
 
     @property

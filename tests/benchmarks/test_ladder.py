@@ -2,10 +2,11 @@
 
 from itertools import permutations
 
+import numpy as np
 import pytest
 
 from benchmarks import ladder
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.evaluation import evaluate, mean_interval
 from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import Scenario, find_scenario
@@ -32,6 +33,26 @@ def test_agents_and_rules_fly_as_many_missions_as_are_asked_for():
     for row, policy in (("greedy", "greedy"), ("ddqn", name)):
         records, steps = ladder.fly(rows[row], policy, "manhattan", 20)
         assert (steps > 0) == (row == "ddqn") and records["landed"].shape == (20,)
+
+
+def test_the_interval_of_runs_is_students_where_runs_alone_differ():
+    """The same three runs on each of two missions: the half is that of their means."""
+    values = np.array([[1.0, 1.0], [2.0, 2.0], [6.0, 6.0]])
+    assert ladder.runs_interval(values) == pytest.approx((3, 3 - 6.5724, 3 + 6.5724), abs=1e-3)
+    alike = np.random.default_rng(0).normal(size=400) * np.ones((3, 1))
+    half = ladder.runs_interval(alike).high - alike.mean()
+    assert half == pytest.approx(1.966 * alike[0].std(ddof=1) / 20, rel=1e-3)
+    assert ladder.runs_interval(alike[:1]) == mean_interval(alike[0])
+
+
+@pytest.mark.parametrize(("of_runs", "of_missions"), [(1.0, 1.0), (0.3, 10.0), (0.0, 3.0)])
+def test_intervals_contain_the_true_mean_in_19_of_20_studies(of_runs, of_missions):
+    generator, found = np.random.default_rng(1), 0
+    for _ in range(1000):
+        values = generator.normal(0, of_runs, (3, 1)) + generator.normal(0, of_missions, 100)
+        interval = ladder.runs_interval(values + generator.normal(0, 1, values.shape))
+        found += interval.low <= 0 <= interval.high
+    assert 0.93 <= found / 1000 <= 0.98
 
 
 MANHATTAN = environment_of("manhattan")

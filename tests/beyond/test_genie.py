@@ -1,16 +1,17 @@
 """The genie finds the best flights there are, and what it expects is what the environment does."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from uavdh_lite.beyond import genie as search
-from uavdh_lite.beyond.genie import Genie, _Problem
+from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import HOVER, LAND, Environment, State
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import evaluate, fly
+from uavdh_lite.evaluation import Policy, evaluate, fly
 from uavdh_lite.missions import Mission
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import Scenario, find_scenario
@@ -89,17 +90,19 @@ def test_a_plan_does_not_depend_on_the_others_of_the_batch(together, monkeypatch
         assert plan.actions.tolist() == plans[row].actions.tolist()
 
 
-def test_without_a_way_home_in_time_it_hovers(small):
+def test_without_a_way_home_in_time_it_hovers(small, monkeypatch):
+    monkeypatch.setattr(search, "REPLAN", 1)
     start = Mission(CITY, (3, 3), [(2, 0)], [5.0], 3, max_devices=2).state
     (plan,) = Genie(small).plans(start)
     assert plan.actions.tolist() == [HOVER] * 3 and plan.value == -np.inf
-    assert fly(small, Genie(small, replan=1), start, Quiet()).steps == 3
+    assert fly(small, Genie(small), start, Quiet()).steps == 3
 
 
-def test_without_fading_it_keeps_to_its_plan_and_gets_what_it_expects(small, starts):
+def test_without_fading_it_keeps_to_its_plan_and_gets_what_it_expects(small, starts, monkeypatch):
     plans = Genie(small).plans(starts)
     for replan in (1, 1000):
-        flown = fly(small, Genie(small, replan=replan), starts, Quiet())
+        monkeypatch.setattr(search, "REPLAN", replan)
+        flown = fly(small, Genie(small), starts, Quiet())
         assert flown.returns.tolist() == pytest.approx([p.value for p in plans], abs=1e-3)
         for row, plan in enumerate(plans):
             steps = flown.steps[row]
@@ -108,13 +111,14 @@ def test_without_fading_it_keeps_to_its_plan_and_gets_what_it_expects(small, sta
     assert np.array_equal(Genie(small).act(starts), [plan.actions[0] for plan in plans])
 
 
-def test_it_plans_again_and_again_for_what_is_left(small):
+def test_it_plans_again_and_again_for_what_is_left(small, monkeypatch):
     """A device is empty sooner than planned: only who plans again comes home sooner."""
     start = Mission(CITY, (0, 0), [(3, 3)], [60.0], 14, max_devices=2).state
     later = replace(start, time_left=start.time_left - 2)
     lucky = replace(start, data_left=np.zeros_like(start.data_left), time_left=start.time_left - 4)
     for replan in (2, 4, 100):
-        policy = Genie(small, replan=replan).begin(start)
+        monkeypatch.setattr(search, "REPLAN", replan)
+        policy = Genie(small).begin(start)
         assert policy.act(start) != LAND and policy.act(later) != LAND
         assert (policy.act(lucky) == LAND) == (replan < 100)
 
@@ -127,29 +131,22 @@ def test_flights_that_are_over_are_ignored_and_two_flights_do_not_mix(small, sta
     assert genie.act(replace(starts, landed=np.ones(2, bool))).tolist() == [HOVER] * 2
 
 
-def test_it_finds_the_best_of_all_flights_and_none_is_worth_more_than_its_bound(small, generator):
-    """All ways to move from many states, against the search and the bound of where they start."""
-    state = some_states(small, generator)
-    problem = _Problem(small, state, 0.2)
-    first = place = problem.start
-    left = problem.data[:, first]
-    bound = problem.bound(first, left, 0)
-    best = np.full(len(state), -np.inf)
-    for step in range(problem.time.max()):
-        over = (problem.home[place] == 0) & (step < problem.time[place])
-        np.maximum.at(best, problem.episode[place[over]], problem.value(place, left, step)[over])
-        alive = problem.home_after[:, place] + step + 1 < problem.time[place]
-        action, parent = alive.nonzero()
-        left = problem.collect(place[parent], action, left[:, parent])
-        place = problem.target[action, place[parent]]
-    assert np.isfinite(best).all()
-    assert (best <= bound + 1e-3).all()
-    assert (bound - best < 0.5).mean() > 0.3  # and it says something
-    found = Genie(small, beam=10_000).plans(state)
-    assert [plan.value for plan in found] == pytest.approx(best.tolist(), abs=2e-3)
+class Sequences(Policy):
+    def __init__(self, actions):
+        self.left = iter(actions.T)
+
+    def act(self, state):
+        return next(self.left)
 
 
-def some_states(environment, generator, count=40):
-    """Flights under way on the small map: any cell, some devices already empty."""
-    scenario = Scenario("s", "s", (1, 3), (3.0, 12.0), (4, 7))
-    return scenario.sample_anywhere(environment, count, generator, 1)
+def test_it_finds_the_best_of_all_flights(small, generator):
+    """Against every sequence of actions, flown without fading; some devices are already empty."""
+    scenario = Scenario("s", "s", (1, 3), (3.0, 12.0), (4, 5))
+    states = scenario.sample_anywhere(small, 40, generator, 1)
+    states = states[states.time_left <= 5]
+    assert len(states) > 20
+    for row, plan in enumerate(Genie(small, beam=10_000).plans(states)):
+        actions = np.array(list(product(range(6), repeat=int(states.time_left[row]))))
+        start = states[np.full(len(actions), row)]
+        flights = fly(small, Sequences(actions), start, Quiet())
+        assert plan.value == pytest.approx(flights.returns.max(), abs=2e-3)

@@ -1,8 +1,6 @@
-import pytest
 import torch
 
 from uavdh_lite.beyond.global_local import GlobalLocalNetwork
-from uavdh_lite.errors import InputError
 
 
 def test_it_sees_the_map_averaged_and_its_middle_in_full():
@@ -17,11 +15,3 @@ def test_it_sees_the_map_averaged_and_its_middle_in_full():
     assert torch.allclose(coarse[1, 1, 2, 4], (map[1, 1, 4:6, 8].sum() + 2) / 4)
     assert torch.allclose(coarse[1, 3, 2, 1], map[1, 3, 4:6, 2:4].mean())
     assert torch.equal(middle, map[:, :, 2:7, 2:7])
-
-
-@pytest.mark.parametrize(("pooling", "local_size"), [(2, 4), (2, 11), (0, 5), (10, 5)])
-def test_a_map_without_a_centre_or_a_cell_or_larger_than_all_is_refused(pooling, local_size):
-    with pytest.raises(InputError, match=f"local_size is {local_size}, pooling is {pooling}: .* 9"):
-        GlobalLocalNetwork((5, 9, 9), pooling, local_size, strides=())
-    network = GlobalLocalNetwork((5, 9, 9), 9, 5, strides=())
-    assert network(torch.rand(2, 5, 9, 9), torch.rand(2, 1)).shape == (2, 6)

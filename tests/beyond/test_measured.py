@@ -53,14 +53,13 @@ def table(environment, **entries):
 
 
 def test_the_models_own_table_gives_the_models_world_where_the_uav_hovers(model):
-    """With fading as without it; half-way between two cells the table is coarser."""
-    world = MeasuredEnvironment(model.city, mean_snr_db=modelled_snr_db(model), fading=True)
+    """Half-way between two cells the table is coarser."""
+    world = MeasuredEnvironment(model.city, mean_snr_db=modelled_snr_db(model))
     state = ANY.sample_anywhere(model, 200, stream(Use.TEST), 0)
     draws = model.draw_fading(state, stream(Use.TEST, 1))
-    ours, theirs = (one.snr_db(state, state.uav_cell, draws) for one in (world, model))
+    ours = world.snr_db(state, state.uav_cell, draws)
+    theirs = model.snr_db(state, state.uav_cell, 0 * draws)
     assert ours.dtype == np.float32 and ours == pytest.approx(theirs, abs=1e-3)
-    calm = replace(world, fading=False).snr_db(state, state.uav_cell, draws)
-    assert calm == pytest.approx(model.snr_db(state, state.uav_cell, 0 * draws), abs=1e-3)
     assert world.rate_map(7) == pytest.approx(model.rate_map(7), rel=1e-4, abs=1e-6)
 
 
@@ -77,12 +76,10 @@ def test_the_table_is_read_at_the_nearest_cell_and_in_the_middle_at_the_one_bein
 
 
 def test_nobody_hears_what_no_ray_joins_and_the_genie_knows_where_a_device_is_heard(model):
-    deaf, start = table(model), ANY.sample(model, 1, stream(Use.TEST))
-    for fading in (False, True):
-        world = replace(deaf, fading=fading)
-        flights = evaluate(world, Greedy(world), ANY, 20, seed=0)
-        assert flights.end.landed.all() and not flights.end.collected.any()
-        assert all((step.outcome.served == -1).all() for step in flights.history)
+    world, start = table(model), ANY.sample(model, 1, stream(Use.TEST))
+    flights = evaluate(world, Greedy(world), ANY, 20, seed=0)
+    assert flights.end.landed.all() and not flights.end.collected.any()
+    assert all((step.outcome.served == -1).all() for step in flights.history)
     there = int(np.flatnonzero(model.landing_distance[0] == 2)[0])
     world = table(model, **{f"d{int(start.device_cells[0, 0])}_u{there}": 30.0})
     assert Genie(world).act(start)[0] != HOVER

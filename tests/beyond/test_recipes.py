@@ -107,8 +107,9 @@ def test_an_imitation_is_trained_by_what_it_names_and_nothing_else():
 
 
 def test_two_resolutions_need_the_centred_map_and_the_middle_of_a_small_one_is_all_of_it():
-    with pytest.raises(InputError, match="pooling needs"):
-        replace(TOLD, observation="non_centred")
+    for wrong in ({"observation": "non_centred"}, {"local_size": 4}):
+        with pytest.raises(InputError, match="pooling needs"):
+            replace(TOLD, **wrong)
     assert replace(TOLD, observation="non_centred", pooling=0).told
     recipe = replace(TOLD, local_size=17, strides=(1,))
     observation = recipe.observation_for(recipe.environment_for(CITY))

@@ -154,9 +154,7 @@ def test_what_others_write_is_read(made, maker):
 
 OTHERS = {
     "Overpass JSON": ('{"version": 0.6, "elements": [{"type": "way"}]}', "Overpass JSON"),
-    "LFS": ("version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "git lfs pull"),
     "XML": ('\n<?xml version="1.0"?><osm/>', "XML or HTML"),
-    "zip": (b"PK\x03\x04...", "ZIP archive"),
     "nothing": ("", r"not JSON, or damaged \(Expecting value"),
     "another format": (b"SQLite format 3\0", "not JSON"),
     "deep": ("[" * 100_000, "not JSON"),

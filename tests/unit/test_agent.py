@@ -32,10 +32,6 @@ def test_it_takes_the_action_with_the_largest_q_value_and_hovers_after_the_end(a
     assert np.array_equal(action[~states.landed], q_values.argmax(1)[~states.landed])
 
 
-def test_no_states_have_no_q_values(agent, states):
-    assert agent.q_values(states[:0]).shape == (0, 6)
-
-
 def test_which_cities_it_knows_and_that_a_larger_one_is_refused(agent, corridor):
     assert agent.knows((corridor,)) and not agent.knows((TINY,))
     both, manhattan = agent.over((corridor, TINY)), City.load("manhattan")

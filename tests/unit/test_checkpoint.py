@@ -68,36 +68,26 @@ def test_half_precision_comes_back_as_float32_and_another_shape_is_damage(path):
         load_agent(path)
 
 
-def test_an_agent_that_does_not_fit_is_refused(path):
-    """Another version might write a field more, another size, another tensor, a city less."""
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda about: about["recipe"].update(wings=2),
+        lambda about: about["recipe"].update(kind="Strange"),
+        lambda about: about["recipe"].update(discount=7),
+        lambda about: about["recipe"].update(name="a/b"),
+        lambda about: about.update(scenario={}),
+        lambda about: about["scenario"].update(name="a\x1b[2J"),
+        lambda about: about.update(size=9),
+        lambda about: about.pop("size"),
+        lambda about: about["cities"].pop(),
+    ],
+)
+def test_an_agent_that_does_not_fit_is_refused(path, change):
+    """Another version might write a field more, another size, a city less."""
     tensors, about = load(path, "agent")
-    recipe, cities, own = about["recipe"], tensors["cities"], about["cities"]
-    odd = [{"scenario": {**about["scenario"], "name": n}} for n in ("", "../x", "a\x1b[2J", "a\nb")]
-    for part, change in (
-        (about, {"recipe": {**recipe, "wings": 2}}),
-        (about, {"recipe": {**recipe, "kind": "Strange"}}),
-        (about, {"recipe": {**recipe, "discount": 7}}),
-        (about, {"scenario": {}}),
-        (about, {"size": 9}),
-        (about, {"size": -1}),
-        (about, {"size": 10**9}),
-        (about, {"training": None}),
-        (about, {"more": 1}),
-        (about, {"cities": []}),
-        *((about, {"cities": [{**own[0], "size": n}, own[1]]}) for n in (-1, 0, 99, 4.0)),
-        *((about, name) for name in odd),
-        (about, {"recipe": {**recipe, "name": "a/b"}}),
-        (about, {"cities": [{"name": "a"}, 3]}),
-        (tensors, {"cities": cities + 100}),
-        (tensors, {"network.head.0.weight": torch.zeros(3, 2)}),
-    ):
-        pair = [{**one, **change} if one is part else one for one in (tensors, about)]
-        save(path, "agent", *pair)
-        with pytest.raises(CheckpointError, match=r"a\.safetensors.*does not fit"):
-            load_agent(path)
-    del about["size"]
+    change(about)
     save(path, "agent", tensors, about)
-    with pytest.raises(CheckpointError, match=r"a\.safetensors.*size is missing"):
+    with pytest.raises(CheckpointError, match=r"a\.safetensors.*does not fit"):
         load_agent(path)
 
 

@@ -118,16 +118,7 @@ def test_a_file_comes_back_and_follows_the_schema(original, tmp_path):
     schema = json.loads(SCHEMA.read_text())
     Draft202012Validator.check_schema(schema)
     Draft202012Validator(schema).validate(json.loads((tmp_path / "m.json").read_text()))
-
-
-def test_as_many_devices_as_may_be_are_saved_and_read(tmp_path):
-    city = City.from_text("large", "\n".join(["L" + "." * 10, *["." * 11] * 10]))
-    cells = [divmod(cell, 11) for cell in range(1, MAX_DEVICES + 1)]
-    many = Mission(city, (0, 0), cells, [1.0] * MAX_DEVICES, 5, max_devices=MAX_DEVICES)
-    save_mission(tmp_path / "m.json", many)
-    same(load_mission(tmp_path / "m.json"), many)
-    schema = json.loads(SCHEMA.read_text())["properties"]
-    assert schema["max_devices"]["maximum"] == MAX_DEVICES
+    assert schema["properties"]["max_devices"]["maximum"] == MAX_DEVICES
 
 
 @settings(max_examples=30, deadline=None)
@@ -162,10 +153,3 @@ def test_the_entry_that_is_wrong_is_named(original, tmp_path, change, named):
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
     with pytest.raises(InputError, match=rf"m\.json: .*{named}"):
         load_mission(path)
-
-
-@pytest.mark.parametrize("data", [b"", b"[" * 100_000, b"null"])
-def test_foreign_files(tmp_path, data):
-    (tmp_path / "m.json").write_bytes(data)
-    with pytest.raises(InputError, match=r"m\.json: "):
-        load_mission(tmp_path / "m.json")

@@ -27,18 +27,6 @@ def filled(rewards, ended, capacity=100, return_steps=1):
     return replay
 
 
-def test_three_step_returns_by_hand(generator):
-    """Rewards 1, 2, 4, 8, 16, and the episode ends with the third; γ is 1/2.
-
-    The last two do not count yet: the three steps of theirs are not complete.
-    """
-    rewards = np.array([[1], [2], [4], [8], [16]])
-    replay = filled(rewards, np.array([[0], [0], [1], [0], [0]], bool), return_steps=3)
-    batch = replay.sample(len(replay), generator)
-    found = set(zip(batch.state.uav_cell, batch.reward, batch.discount, strict=True))
-    assert found == {(0, 1 + 2 / 2 + 4 / 4, 0), (1, 2 + 4 / 2, 0), (2, 4, 0)}
-
-
 @settings(derandomize=True, deadline=None, max_examples=50)
 @given(*(st.integers(1, most) for most in (40, 4, 60, 4, 2**32)))
 def test_samples_are_those_of_a_slow_memory(steps, environments, capacity, n, seed):

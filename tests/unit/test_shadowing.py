@@ -5,7 +5,6 @@ import pytest
 from reference import reference_line_of_sight
 
 from uavdh_lite.course.bresenham import bresenham_fans
-from uavdh_lite.errors import InputError
 from uavdh_lite.shadowing import line_of_sight
 
 CITIES = [(1, 0.0), (2, 0.5), (3, 0.2), (5, 0.3), (8, 0.6), (9, 0.25)]
@@ -74,9 +73,3 @@ def test_several_cities_at_once_are_as_each_alone(generator):
     sight = line_of_sight(buildings)
     for index in np.ndindex(2, 3):
         assert np.array_equal(sight[index], line_of_sight(buildings[index]))
-
-
-@pytest.mark.parametrize("shape", [(3, 4), (9,), (2, 2, 3)])
-def test_what_it_cannot_answer_is_refused(shape):
-    with pytest.raises(InputError, match="square"):
-        line_of_sight(np.zeros(shape, bool))

@@ -16,12 +16,7 @@ from uavdh_lite.observation import Observation
 
 @dataclass(frozen=True)
 class SafeOutcome(Outcome):
-    """An outcome that also says where the failsafe stepped in.
-
-    | field | shape | meaning |
-    | --- | --- | --- |
-    | `sent_home` | (B,) bool | the failsafe replaced the action by the way home |
-    """
+    """An outcome that says where the way home replaced the action: `sent_home`, (B,) bool."""
 
     sent_home: np.ndarray
 

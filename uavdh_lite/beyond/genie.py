@@ -45,6 +45,7 @@ SETS = 32
 NARROW = (1, 4, 16)
 WIDER = 4  # the same factor for the last search's beam
 BETTER = 1e-3  # data units that a better flight is worth more; what float32 rounds off is less
+REPLAN = 5  # steps of a flight after which it plans again
 MOST_DEVICES = 16  # with data in an episode: beyond them the bound drops too little
 LEVELS = 8  # parts of a device's data in the bound's tables: more are tighter and take more memory
 # Cells times sets of emptied devices that are searched together, over all episodes. After five
@@ -77,7 +78,7 @@ class Genie(Policy):
 
     With `time_cost` 0.2, as in `Rewards`, it maximises the return; with a small one, the data.
 
-    During a flight it searches again every `replan` steps, from the data that is really left, with
+    During a flight it searches again every `REPLAN` steps, from the data that is really left, with
     the beam that the episode's first plan needed, and changes its plan only for a better one.
     Asked to act without `begin`, it makes a plan and returns the first action.
 
@@ -89,7 +90,6 @@ class Genie(Policy):
     beam: int = 2
     grow: bool = True
     time_cost: float = 0.2
-    replan: int = 5
 
     def begin(self, start: State) -> Policy:
         """The policy that flies the episodes of `start`; each has its own plan for the flight."""
@@ -141,7 +141,7 @@ class _Flights(Policy):
 
     def act(self, state: State) -> np.ndarray:
         action, flown = np.full(len(state), HOVER), self.start.time_left - state.time_left
-        due = np.flatnonzero(~state.ended & (flown > 0) & (flown % self.genie.replan == 0))
+        due = np.flatnonzero(~state.ended & (flown > 0) & (flown % REPLAN == 0))
         better = self.genie.better_plans(state[due], [self.plans[i] for i in due])
         for i, plan in zip(due, better, strict=True):
             self.plans[i] = plan

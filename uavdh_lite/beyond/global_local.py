@@ -9,7 +9,6 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
-from uavdh_lite.errors import InputError
 from uavdh_lite.network import WholeFrame, convolutions, fully_connected
 
 
@@ -20,9 +19,6 @@ class GlobalLocalNetwork(nn.Module):
         pooling: g, cells that the coarse map averages over, along a side.
         local_size: l, cells on a side of the map around the UAV; odd.
         The others are those of `QNetwork`.
-
-    Raises `InputError` if the middle is larger than the map, or has no centre, and if a window of
-    the coarse map would be larger than the map.
     """
 
     def __init__(
@@ -39,11 +35,6 @@ class GlobalLocalNetwork(nn.Module):
     ):
         super().__init__()
         channels, width, _ = map_shape
-        if local_size % 2 == 0 or max(local_size, pooling) > width or pooling < 1:
-            raise InputError(
-                f"local_size is {local_size}, pooling is {pooling}: must be odd, and from 1; both "
-                f"at most {width}, the side of the map"
-            )
         self.pooling, self.local_size = pooling, local_size
         self.whole = WholeFrame(width, kernel_size, strides, pooling)
         self.middle = WholeFrame(local_size, kernel_size, strides)

@@ -35,16 +35,13 @@ class MeasuredEnvironment(SafeEnvironment):
 
     In each slot the table is read at the cell nearest to the UAV, as the shadow map is.
 
-    | field | meaning |
-    | --- | --- |
-    | `mean_snr_db` | (n, n), `[device cell, UAV cell]`, dB; −∞ where nothing is heard |
-    | `fading` | whether the channel's fading is added |
+    `mean_snr_db` is the table, (n, n), `[device cell, UAV cell]`, dB; −∞ where nothing is heard.
+    There is no fading.
 
     Raises `InputError` for several cities, and for a table of another shape or with NaN.
     """
 
     mean_snr_db: np.ndarray = field(kw_only=True)
-    fading: bool = field(default=False, kw_only=True)
 
     def __post_init__(self):
         super().__post_init__()
@@ -58,9 +55,7 @@ class MeasuredEnvironment(SafeEnvironment):
     def snr_db(self, state: State, next_cell: np.ndarray, fading: np.ndarray) -> np.ndarray:
         first_half = 2 * np.arange(1, self.channel.slots + 1) < self.channel.slots
         nearest = np.where(first_half, state.uav_cell[:, None], next_cell[:, None])  # (B, δ)
-        link = state.device_cells[:, None, :], nearest[:, :, None]
-        snr_db = self.mean_snr_db[link].astype(np.float32)
-        return snr_db + self.channel.fading_db(fading, self.sight[0][link]) * self.fading
+        return self.mean_snr_db[state.device_cells[:, None], nearest[:, :, None]].astype(np.float32)
 
     def rate_map(self, device_cell: int, city: int = 0) -> np.ndarray:
         return rate(self.mean_snr_db[device_cell]).reshape(self.size, -1)

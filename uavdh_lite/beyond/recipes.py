@@ -40,8 +40,10 @@ class BeyondRecipe(Recipe):
 
     def __post_init__(self):
         super().__post_init__()
-        if self.observation != "centred" and self.pooling:
-            raise InputError(f"recipe {self.name}: pooling needs the observation centred")
+        if self.pooling and (self.observation != "centred" or self.local_size % 2 == 0):
+            raise InputError(
+                f"recipe {self.name}: pooling needs the observation centred and an odd local_size"
+            )
 
     def environment_for(
         self, city: City | tuple[City, ...], channel: Channel | None = None
@@ -51,13 +53,9 @@ class BeyondRecipe(Recipe):
         return super().environment_for(city, channel)
 
     def observation_for(self, environment: Environment, size: int = 0) -> Observation:
-        kinds = {
-            (False, False): Observation,
-            (True, False): SafeObservation,
-            (False, True): ToldObservation,
-            (True, True): SafeToldObservation,
-        }
-        kind = kinds[self.failsafe, self.told]
+        kind = ToldObservation if self.told else Observation
+        if self.failsafe:
+            kind = SafeToldObservation if self.told else SafeObservation
         return kind(environment, self.observation, self.data_scale, self.time_scale, size)
 
     def network_for(self, observation: Observation) -> nn.Module:

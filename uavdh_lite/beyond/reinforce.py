@@ -10,7 +10,6 @@ same flights. No network has to learn values for that.
 
 import numpy as np
 import torch
-from torch import Tensor
 from torch.nn.functional import cross_entropy
 from torch.nn.utils import clip_grad_norm_
 
@@ -83,20 +82,15 @@ class Reinforced(Imitation):
     ) -> float:
         """One gradient step that makes actions likelier by their gain; returns the loss."""
         learner, weight = self.learner, self.learner.tensor(gain)
-        ratio = self._ratio(state, action, surprise)
+        scores = learner.online(*learner.observation(state))
+        now = cross_entropy(scores, learner.tensor(action), reduction="none")
+        ratio = (learner.tensor(surprise) - now).exp()  # likelier than when drawn; (B,)
         loss = -torch.minimum(ratio * weight, ratio.clamp(1 - CLIP, 1 + CLIP) * weight).mean()
         learner.optimiser.zero_grad()
         loss.backward()
         clip_grad_norm_(learner.online.parameters(), LONGEST)
         learner.optimiser.step()
         return float(loss.detach())
-
-    def _ratio(self, state: State, action: np.ndarray, surprise: np.ndarray) -> Tensor:
-        """How much likelier each action has become since it was drawn, (B,); 1 before an update."""
-        learner = self.learner
-        scores = learner.online(*learner.observation(state))
-        now = cross_entropy(scores, learner.tensor(action), reduction="none")
-        return (learner.tensor(surprise) - now).exp()
 
 
 def advantages(returns: np.ndarray) -> np.ndarray:

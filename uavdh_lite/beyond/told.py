@@ -31,19 +31,17 @@ class ToldObservation(Observation):
     Tables of all pairs of cells, 5·M⁴ bytes a city, are made at the first use.
     """
 
-    layers = TOLD_LAYERS
-
     @property
     def map_shape(self) -> tuple[int, int, int]:
         channels, rows, cols = super().map_shape
-        return channels + len(self.layers), rows, cols
+        return channels + len(TOLD_LAYERS), rows, cols
 
     def _window(self, state: State, top: np.ndarray, left: np.ndarray, channels: int) -> Tensor:
-        maps = super()._window(state, top, left, channels + len(self.layers))
+        maps = super()._window(state, top, left, channels + len(TOLD_LAYERS))
         cells = np.arange(self.environment.size**2)
         where = self._tensor(self._in_window(cells, top[:, None], left[:, None]))
         told = maps.flatten(2)[:, channels:]
-        told.scatter_(2, where[:, None].expand(-1, len(self.layers), -1), self.told(state))
+        told.scatter_(2, where[:, None].expand(-1, len(TOLD_LAYERS), -1), self.told(state))
         return maps
 
     def told(self, state: State) -> Tensor:

@@ -37,12 +37,6 @@ UNDERGROUND = "left out: underground, or on a layer below 0"
 OUTSIDE = "left out: outside the city"
 TOO_SMALL = "left out: no cell that they touch is half built on"
 
-OTHERS = {  # how files begin that are not GeoJSON, and what they are
-    b"version https://git-lfs": "a pointer of Git LFS and not the file: run git lfs pull",
-    b"PK\x03\x04": "a ZIP archive: unpack it",
-    b"<": "XML or HTML, as OpenStreetMap's own files, KML, GML and a server's error pages are",
-}
-
 
 @dataclass(frozen=True)
 class Raster:
@@ -164,7 +158,6 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
     which, cell = (each[touches & (fate[which] == used)] for each in (which, cell))
     inside = np.unique(which)
     if not len(inside):
-        corners[:, 0] = (corners[:, 0] - raster.centre[1] + 180) % 360 - 180 + raster.centre[1]
         (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
         raise InputError(
             f"{path}: no building within {half:g} m of the centre {raster.centre}; its buildings "
@@ -218,10 +211,9 @@ def city_of_shares(
 def _features(path: Path) -> Iterator[Any]:
     """The features of a file, as they are."""
     content = path.read_bytes()
-    for start, what in OTHERS.items():
-        if content.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(start):
-            raise InputError(f"{path}: {what}; expected GeoJSON")
     text = content.decode(json.detect_encoding(content), "replace").strip()
+    if text.startswith("<"):
+        raise InputError(f"{path}: XML or HTML, such as OpenStreetMap's own files; export GeoJSON")
     try:
         try:
             parts = [json.loads(text)]

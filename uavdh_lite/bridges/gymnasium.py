@@ -111,22 +111,10 @@ class DataHarvesting(gymnasium.Env):
             return self.scenario.sample(self.environment, count, generator)
         if not isinstance(start, State) or len(start) != count:
             raise InputError(f"start is {shown(start)}: expected a State of {count} episodes")
-        environment, city = self.environment, start.city[:, None]
-        cells = np.c_[start.uav_cell, start.device_cells]
-        known = (cells >= 0) & (cells < environment.size**2)
-        known &= (city >= 0) & (city < len(environment.cities))
-        if not known.all() or environment.no_fly[city, cells][:, 0].any():
-            raise InputError("start with the UAV over a no-fly cell, or in no cell of its city")
-        if (~environment.open_to_devices[city, cells[:, 1:]] & (start.data_initial > 0)).any():
-            raise InputError("start with a device on a building or in the landing zone")
-        seen = self.observe(start)  # below 0 for odd data
-        parts = [{name: all_[i] for name, all_ in seen.items()} for i in range(count)]
-        inside = all(map(self.observation_space.contains, parts))
-        if start.ended.any() or not start.data_initial.any(axis=1).all() or not inside:
-            raise InputError(
-                f"start that is over, without data, or outside the observation space of scenario "
-                f"{self.scenario.name}: more time or data than it has, or data that is no number"
-            )
+        data, time = start.data_initial.max(), start.time_left.max()  # more would not be seen
+        more = data > self.scenario.data[1] or time > self.scenario.flying_time[1]
+        if more or start.ended.any():
+            raise InputError("start that is over, or with more time or data than the scenario has")
         return start
 
     def step(self, action: int) -> tuple[dict, float, bool, bool, dict]:
@@ -158,32 +146,21 @@ class VectorDataHarvesting(VectorEnv):
     Observations, rewards and infos are those of single environments, stacked; an entry of `info`
     that not every episode has comes with a mask, `_NAME`, as from `SyncVectorEnv`.
 
-    **Autoreset**, by `autoreset_mode`, as Gymnasium defines it. `NEXT_STEP`: the step after an
-    episode's last one ignores the action, has reward 0 and begins the next episode. `SAME_STEP`:
-    the last step returns the next episode's first observation; what ended is in
-    `info["final_obs"]` and `info["final_info"]`. `DISABLED`: `reset(options={"reset_mask": mask})`
-    begins the episodes of the mask anew; until then a step raises `InputError`.
+    **Autoreset** is Gymnasium's `NEXT_STEP`: the step after an episode's last one ignores the
+    action, has reward 0 and begins the next episode. `vectorization_mode="sync"` has other modes.
 
     **Seed**: all episodes draw from one stream, so equal seeds and equal numbers of episodes give
     equal flights, but not those of single environments with the seeds seed, seed + 1, ...
 
-    The options are those of `DataHarvesting` but `render_mode`: a batch is not drawn.
+    The options are those of `DataHarvesting`. A batch is not drawn: `vectorization_mode="sync"` is.
     """
 
     state: State | None = None
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        **options: Any,
-    ):
-        if options.pop("render_mode", None) is not None:
-            raise InputError("a batch is not drawn: vectorization_mode='sync' draws")
-        self.one = DataHarvesting(**options)
+    def __init__(self, num_envs: int = 1, **options: Any):
+        self.one, self.num_envs = DataHarvesting(**options), num_envs
         self.environment, self.observe = self.one.environment, self.one.observe
-        self.num_envs, self._mode = num_envs, AutoresetMode(autoreset_mode)
-        self.metadata = {**self.one.metadata, "autoreset_mode": self._mode}
+        self.metadata = {**self.one.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
         self.single_observation_space = self.one.observation_space
         self.single_action_space = self.one.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -198,42 +175,20 @@ class VectorDataHarvesting(VectorEnv):
         super().reset(seed=seed)
         if seed is not None:
             _seed(self, seed)
-        rows = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
-        if rows.shape != (self.num_envs,) or rows.dtype != bool or not rows.any():
-            raise InputError(  # numbers would be indices
-                f"reset_mask is {shown(rows)}: must be {self.num_envs} Booleans, not all False"
-            )
-        start = self.one.starts(int(rows.sum()), self.np_random, options)
-        self.state = start if rows.all() else _begun(self).with_rows(rows, start)
-        return self.observe(self.state), _masked(_info(self.state), rows)
+        self.state = self.one.starts(self.num_envs, self.np_random, options)
+        return self.observe(self.state), _masked(_info(self.state), np.ones(self.num_envs, bool))
 
     def step(self, actions: np.ndarray) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray, dict]:
         before = _begun(self)
-        over = before.ended
-        if self._mode is AutoresetMode.DISABLED and over.any():
-            raise InputError(
-                f"episode {over.argmax()} is over: begin it anew with "
-                "reset(options={'reset_mask': mask})"
-            )
-        self.state, outcome = self.environment.step(before, actions, self.np_random)
-        reward, ended = self.one.rewards(outcome).astype(float), self.state.ended
-        counts, info = outcome.counts(), {}
-        if self._mode is AutoresetMode.NEXT_STEP:
-            ended, new = ended & ~over, over
-        else:
-            new = ended if self._mode is AutoresetMode.SAME_STEP else np.zeros_like(ended)
-            if new.any():
-                seen, final = self.observe(self.state), np.full(self.num_envs, None)
-                for i in np.flatnonzero(new):
-                    final[i] = {name: array[i] for name, array in seen.items()}
-                last = _masked(_info(self.state) | counts, new)
-                info = {"final_obs": final, "final_info": last}
-                info |= {"_final_obs": new, "_final_info": new}
-        if new.any():
-            start = self.one.starts(int(new.sum()), self.np_random, None)
-            self.state = self.state.with_rows(new, start)
-        info |= _masked(_info(self.state), np.ones_like(new)) | _masked(counts, ~new)
-        return self.observe(self.state), reward, ended, np.zeros_like(ended), info
+        over = before.ended  # these begin anew, whatever their actions
+        after, outcome = self.environment.step(before, actions, self.np_random)
+        reward, ended = self.one.rewards(outcome).astype(float), after.ended & ~over
+        if over.any():
+            start = self.one.starts(int(over.sum()), self.np_random, None)
+            after = after.with_rows(over, start)
+        self.state = after
+        info = _masked(_info(after), np.ones_like(over)) | _masked(outcome.counts(), ~over)
+        return self.observe(after), reward, ended, np.zeros_like(ended), info
 
 
 def _seed(env: Any, seed: int | None = None) -> None:
@@ -266,13 +221,8 @@ def _values(arrays: dict) -> dict:
 
 
 def _masked(arrays: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
-    """The arrays with 0 outside of these episodes, and for each the mask, `_NAME`."""
-    masked = {}
-    for name, array in arrays.items():
-        masked[name] = np.zeros_like(array)
-        masked[name][rows] = array[rows]
-        masked[f"_{name}"] = rows
-    return masked
+    """The arrays, and for each the mask of the episodes that it is of, `_NAME`."""
+    return {**arrays, **{f"_{name}": rows for name in arrays}}
 
 
 def as_policy(env: gymnasium.Env | VectorEnv, predict: Callable, masked: bool = False) -> Policy:
