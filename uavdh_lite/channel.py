@@ -1,4 +1,4 @@
-"""The radio channel: log-distance path loss with shadow fading, LoS or NLoS (paper, eq. 1–4)."""
+"""The radio channel: log-distance path loss with shadow fading, LoS or NLoS (paper, eq. 1, 2)."""
 
 import math
 from dataclasses import dataclass
@@ -58,5 +58,5 @@ def _by_sight(line_of_sight, los, nlos):
 
 
 def rate(snr_db):
-    """Data units in one communication slot at this SNR: log2(1 + SNR)."""
+    """Data units in one communication slot at this SNR: log2(1 + SNR) (eq. 1)."""
     return np.log2(1 + 10 ** (snr_db / 10))

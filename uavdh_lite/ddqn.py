@@ -99,7 +99,7 @@ class DDQN:
         )
 
     def loss(self, batch: Batch, y: Tensor) -> Tensor:
-        """The squared error, or Huber's loss, of the Q-values of the actions taken."""
+        """The squared error (eq. 7), or Huber's loss, of the Q-values of the actions taken."""
         q_values = self.online(*self.observation(batch.state))
         q = q_values.gather(1, self.tensor(batch.action)[:, None]).squeeze(1)
         if self.huber_delta is None:

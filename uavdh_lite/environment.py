@@ -390,7 +390,7 @@ class Environment:
 def schedule(
     snr_db: np.ndarray, data_left: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """TDMA: each slot goes to the device with the highest SNR among those with data left.
+    """TDMA: each slot goes to the device with data left that has the highest SNR (eq. 3, 4).
 
     Arguments:
         snr_db: (B, δ, K); −∞ for a device that is not heard.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from uavdh_lite.city import City, load_city
-from uavdh_lite.config import require, shown
+from uavdh_lite.config import option, require, shown
 from uavdh_lite.environment import REPORTED, Environment, Outcome, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Policy, Step, fly
@@ -59,7 +59,7 @@ class Mission:
     data: tuple[float, ...]
     flying_time: int
     seed: int = 0
-    max_devices: int = 5
+    max_devices: int = option(5, "how many devices there may be", ge=1, le=MAX_DEVICES)
 
     def __post_init__(self):
         require(self, "mission")
@@ -86,8 +86,6 @@ class Mission:
         """The first state, a batch of one."""
         city, devices, data, places = self.city, self.devices, self.data, self.max_devices
         count = len(devices)
-        if not 1 <= places <= MAX_DEVICES:
-            raise InputError(f"{shown(places)} places for devices: must be from 1 to {MAX_DEVICES}")
         if not 1 <= count <= places:
             change = "take some away" if devices else "add one"
             raise InputError(f"{count} devices: this scenario takes 1 to {places}; {change}")

@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from uavdh_lite.beyond.cities import CityGenerator
-from uavdh_lite.beyond.failsafe import MaskedNetwork, SafeEnvironment, SafeObservation
+from uavdh_lite.beyond.failsafe import SafeEnvironment
 from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.observation import Observation
 from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.streams import Use, stream
@@ -81,17 +79,6 @@ def test_its_random_actions_are_allowed_ones_all_equally_likely():
     assert not share[~allowed[0]].any()
     with pytest.raises(InputError, match="6 of episode 5999"):
         safe.step(state, np.append(action[1:], LAND + 1), stream(Use.TEST))
-
-
-def test_the_network_prefers_allowed_actions():
-    safe = SafeEnvironment(MANY)
-    state = ONE.sample_anywhere(safe, 50, stream(Use.TEST), spare_time=0)
-    observation = Observation(safe, time_scale=10.0)
-    map, time, allowed = SafeObservation(safe, time_scale=10.0)(state)
-    assert all(torch.equal(*pair) for pair in zip((map, time), observation(state), strict=True))
-    assert np.array_equal(allowed, safe.allowed_actions(state))
-    q_values = MaskedNetwork(lambda map, time: torch.zeros(len(map), 6))(map, time, allowed)
-    assert torch.equal(q_values == 0, allowed) and torch.isneginf(q_values[~allowed]).all()
 
 
 def test_the_records_say_whether_there_was_a_failsafe():

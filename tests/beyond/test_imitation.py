@@ -51,27 +51,6 @@ def test_the_memory_holds_what_the_planner_does(run):
     assert len(values) > 10 and same.mean() > 0.9
 
 
-def test_flights_begin_where_the_learner_has_flown_after_it_has_learned_and_can_land(
-    corridor, corridor_scenario, recipe, monkeypatch
-):
-    recipe = replace(recipe, own_starts=1.0, exploring_starts=0.0)
-    run = Reinforced(corridor_scenario, recipe, 0, corridor)
-    assert all(ordinary for ordinary, *_ in run._planned())
-    run.updates = 1
-    assert not any(ordinary for ordinary, *_ in run._planned())
-
-    late = {"uav_cell": 14}  # the street's east end, four moves from its west
-    monkeypatch.setattr(
-        run,
-        "_own_states",
-        lambda start: replace(
-            start, **{k: np.full(len(start), v, np.int16) for k, v in late.items()}
-        ),
-    )
-    for late["time_left"], copied in ((4, 0), (5, 32)):
-        assert len(run._planned()) == copied
-
-
 def test_starts_are_of_every_kind_and_plans_land(run, corridor_scenario):
     planned = [flight for _ in range(5) for flight in run._planned()]
     ordinary = np.array([flight[0] for flight in planned])

@@ -159,12 +159,6 @@ def test_world_and_belief_are_two_things(model):
     assert told_less.end.collected.mean() > 0.1  # the world still has its radio
 
 
-def test_a_table_that_does_not_fit_is_named():
-    for city, cells in ((VILLAGE, 3), ((VILLAGE, VILLAGE), 64)):
-        with pytest.raises(InputError, match=f"a table of {cells} × {cells} for [12] cities"):
-            MeasuredEnvironment(city, mean_snr_db=np.zeros((cells, cells)))
-
-
 @pytest.mark.parametrize("name", ["florence", "munich", "paris", "san_francisco"])
 def test_a_shipped_place_has_links_where_its_city_has_them(name):
     """In sight nearly always something is heard; behind buildings less, and often nothing."""

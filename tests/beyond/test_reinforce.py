@@ -8,7 +8,7 @@ import torch
 from torch.nn.functional import cross_entropy
 
 from uavdh_lite.beyond.recipes import ImitationRecipe
-from uavdh_lite.beyond.reinforce import FLIGHTS, MISSIONS, SURE, Reinforced, advantages
+from uavdh_lite.beyond.reinforce import FLIGHTS, SURE, Reinforced, advantages
 from uavdh_lite.environment import State
 from uavdh_lite.evaluation import evaluate
 
@@ -45,34 +45,6 @@ def test_a_flight_is_compared_with_the_others_of_its_mission():
     assert gain.std() == pytest.approx(1, rel=1e-4)
     assert advantages(1000 * returns) == pytest.approx(gain)
     assert not advantages(np.zeros(2 * FLIGHTS, np.float32)).any()
-
-
-def test_a_choice_is_pushed_by_how_its_flight_did_among_those_of_its_mission(run, monkeypatch):
-    drawn, pushed, draw = [], [], run._drawn_flights
-    monkeypatch.setattr(run, "_drawn_flights", lambda start: drawn.append(draw(start)) or drawn[0])
-    monkeypatch.setattr(run, "_update", lambda *one: pushed.append(one) or 0.0)
-    run._practise()
-    ((flights, *_),) = drawn
-    mission = [tuple(data) for data in flights.start.data_initial.tolist()]  # no two are equal
-    assert len(set(mission)) == MISSIONS and {mission.count(one) for one in mission} == {FLIGHTS}
-    same = np.equal.outer(*2 * [[mission.index(one) for one in mission]]) - np.eye(len(mission))
-    gain = flights.returns - same @ flights.returns / (FLIGHTS - 1)
-    expected: dict[tuple, list] = {}
-    for step in flights.history:
-        for flight in np.flatnonzero(~step.state.ended):
-            choice = described(step.state, step.action, flight)
-            expected.setdefault(choice, []).append(gain[flight] / gain.std())
-    assert len(pushed) > 5
-    for state, action, weight, _ in pushed:
-        for row in range(len(state)):
-            others = np.array(expected[described(state, action, row)])
-            assert abs(others - weight[row]).min() < 1e-3
-
-
-def described(state, action, row):
-    """A choice: where the flight is, what it has left, and what it does."""
-    numbers = [getattr(state, name)[row] for name in ("uav_cell", "time_left")]
-    return *map(int, numbers), *state.data_initial[row], *state.data_left[row], int(action[row])
 
 
 def surprise_of(run, state, action):

@@ -98,15 +98,8 @@ import multiprocessing
 if __name__ == "__main__":
     multiprocessing.set_start_method("spawn")
     import gymnasium
-    from stable_baselines3.common.env_util import make_vec_env
-    from stable_baselines3.common.vec_env import SubprocVecEnv
 
     ID = "uavdh_lite.bridges.gymnasium:uavdh_lite/DataHarvesting-v0"
-    start = {"start_method": "spawn"}
-    options = {"env_kwargs": {"scenario": "village"}, "vec_env_kwargs": start}
-    envs = make_vec_env(ID, 2, vec_env_cls=SubprocVecEnv, **options)
-    print(envs.reset()["map"].shape)
-    envs.close()
     envs = gymnasium.make_vec(ID, 2, vectorization_mode="async", scenario="village")
     print(envs.reset(seed=0)[0]["map"].shape)
     envs.close()
@@ -117,12 +110,11 @@ if __name__ == "__main__":
 @pytest.mark.longest
 def test_processes_that_inherit_nothing_find_the_environment_by_its_module(tmp_path):
     """As in a Jupyter kernel: what the parent imported has registered nothing in them."""
-    pytest.importorskip("stable_baselines3")
     (tmp_path / "script.py").write_text(SCRIPT)
     ran = subprocess.run(
         [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300
     )
-    assert ran.stdout.split("\n")[:2] == ["(2, 5, 15, 15)"] * 2, ran.stderr
+    assert ran.stdout.startswith("(2, 5, 15, 15)"), ran.stderr
 
 
 def batch(count, **options):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from uavdh_lite.channel import Channel, rate
-from uavdh_lite.errors import InputError
 
 
 def test_link_budget_by_hand():
@@ -24,9 +23,3 @@ def test_fading_has_the_given_variance(generator):
     draws = generator.standard_normal(200_000).astype(np.float32)
     assert Channel().fading_db(draws, True).var() == pytest.approx(2, rel=0.02)
     assert Channel().fading_db(draws, False).var() == pytest.approx(5, rel=0.02)
-
-
-@pytest.mark.parametrize("field", ["altitude_m", "cell_size_m", "slots", "fading_variance_los_db2"])
-def test_impossible_constants_name_the_field(field):
-    with pytest.raises(InputError, match=field):
-        Channel(**{field: -1})

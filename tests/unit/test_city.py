@@ -7,7 +7,6 @@ from strategies import cities
 
 from uavdh_lite.city import (
     COLOURS,
-    MAX_SIZE,
     City,
     fingerprint_of,
     load_cities,
@@ -104,20 +103,6 @@ def test_what_is_no_city_is_refused_with_its_file(tmp_path, text, wrong):
     Image.fromarray(COLOURS[np.array(kinds)]).save(tmp_path / "mine.png")
     with pytest.raises(CityError, match=rf"mine\.png: .*{wrong}"):
         City.load(tmp_path / "mine.png")
-
-
-def test_layers_that_contradict_each_other_are_refused():
-    landing, none = np.eye(3, dtype=bool), np.zeros((3, 3), bool)
-    with pytest.raises(CityError, match="row 0, column 0 is landing zone and no-fly"):
-        City("both", landing, landing, none)
-    with pytest.raises(CityError, match="differ in shape"):
-        City("odd", landing, none, np.zeros((4, 4), bool))
-    with pytest.raises(CityError, match=f"at most {MAX_SIZE} fit"):
-        City("large", *np.zeros((3, MAX_SIZE + 1, MAX_SIZE + 1), bool))
-    with pytest.raises(CityError, match="mine: kinds must be"):
-        City.from_kinds("mine", np.array([[3, 5], [0, 0]]))
-    with pytest.raises(CityError, match="mine: no rows"):
-        City.from_text("mine", "\ufeff")  # with the mark of Windows
 
 
 @pytest.mark.parametrize(

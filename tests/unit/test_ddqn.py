@@ -1,5 +1,3 @@
-from functools import partial
-
 import numpy as np
 import pytest
 import torch
@@ -74,22 +72,6 @@ def test_an_update_descends_the_loss_of_the_action_taken(huber_delta, loss, slop
     assert torch.allclose(own.target.weight, moved / 4)
     own.update(batch([2], [1], [3], [0], [0]))
     assert own.online.weight[1, 2].item() == pytest.approx(0.1 * (slope + next_slope))
-
-
-@pytest.mark.parametrize("amsgrad", [False, True])
-def test_a_learner_goes_on_as_the_one_that_was_saved(amsgrad):
-    """Where slopes shrink, amsgrad goes by the largest one."""
-    first, second = (
-        learner(partial(torch.optim.Adam, amsgrad=amsgrad), 0.1, target_update_rate=0.5)
-        for _ in range(2)
-    )
-    first.update(batch([2, 1], [1, 0], [30, 2], [0, 0], [0, 0]))
-    second.load_state_dict({name: value.clone() for name, value in first.state_dict().items()})
-    for own in (first, second):
-        own.update(batch([2, 1], [1, 0], [3, 2], [0, 0.9], [0, 2]))
-    ours, theirs = first.state_dict(), second.state_dict()
-    assert ours.keys() == theirs.keys() and ("max_exp_avg_sq.weight" in ours) == amsgrad
-    assert all(torch.equal(value, theirs[name]) for name, value in ours.items())
 
 
 def test_it_learns_the_exact_values_of_a_chain(generator):

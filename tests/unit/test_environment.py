@@ -200,19 +200,6 @@ def test_states_are_taken_apart_and_put_together(generator):
     assert not np.array_equal(swapped.data_left, state.data_left)
 
 
-@pytest.mark.parametrize(
-    ("given", "named"),
-    [
-        (("manhattan",), "takes a City .* here is 'manhattan': City.load"),
-        (((CITY, "village"),), "here is 'village'"),
-        (((),), "0 cities: an environment takes 1 to"),
-    ],
-)
-def test_what_is_no_city_is_refused_at_once(given, named):
-    with pytest.raises(InputError, match=named):
-        Environment(*given)
-
-
 def test_of_landing_cells_that_are_equally_near_the_way_leads_to_the_first():
     """To the west, although east comes first among the actions."""
     city = City.from_text("both", ". . . \n L . L \n . . .")

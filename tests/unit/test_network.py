@@ -8,7 +8,6 @@ from torch import nn
 from uavdh_lite import registry
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
-from uavdh_lite.errors import InputError
 from uavdh_lite.network import QNetwork, WholeFrame
 from uavdh_lite.recipe import PAPER
 
@@ -42,11 +41,6 @@ def test_every_layer_begins_with_glorots_weights_and_no_bias():
         bound = (6 / ((inputs + outputs) * math.prod(kernel))) ** 0.5
         assert 0.9 * bound < float(layer.weight.detach().abs().max()) <= bound
         assert not layer.bias.any()
-
-
-def test_kernels_larger_than_the_map_are_an_error_that_says_so():
-    with pytest.raises(InputError, match="9×9 cells is too small"):
-        QNetwork((5, 9, 9), kernel_size=10)
 
 
 KINDS = [

@@ -5,7 +5,6 @@ import pytest
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
-from uavdh_lite.errors import InputError
 from uavdh_lite.observation import Observation
 from uavdh_lite.scenario import Scenario
 
@@ -51,8 +50,3 @@ def test_maps_against_a_slow_reference(kind, cities, size, generator):
         city = cities[state.city[episode]]
         assert np.array_equal(map[episode], slow_map(observation, city, state, episode))
     assert np.allclose(time[:, 0], state.time_left / 10)
-
-
-def test_an_unknown_kind_is_named(corridor):
-    with pytest.raises(InputError, match=r"unknown observation 'polar'.*centred or non_centred"):
-        Observation(Environment(corridor), "polar")

@@ -10,7 +10,6 @@ from uavdh_lite.evaluation import evaluate
 from uavdh_lite.missions import Mission
 from uavdh_lite.planners import CACHED, NO_PATH, Greedy, Random, shortest_paths
 from uavdh_lite.scenario import Scenario, find_scenario
-from uavdh_lite.streams import Use, stream
 
 SMALL = """
 L . b .
@@ -53,12 +52,6 @@ def test_shortest_paths_on_a_small_map(small):
     assert walls[0, 3] == NO_PATH and walls[3, 7] == 1
 
 
-def test_the_cell_to_approach_is_the_nearest_as_the_radio_link_goes():
-    """Two cells down and two across are nearer than three across."""
-    city = City.from_text("corner", "N N N L \n N N N . \n N N . . \n . . . .")
-    assert Greedy(Environment(city)).approach[0, [0, 15]].tolist() == [10, 15]
-
-
 def test_the_tables_of_a_large_city_are_made_in_parts():
     city = CityGenerator(48).draw(1, 3)[0]
     greedy = Greedy(Environment(city))
@@ -71,27 +64,6 @@ def test_the_tables_of_a_large_city_are_made_in_parts():
     for cell in range(0, 48**2, 7):
         distance = ((place[reachable] - place[cell]) ** 2).sum(axis=1)
         assert approach[cell] == reachable[distance.argmin()]
-
-
-def test_greedy_takes_shortest_ways_in_every_city(small):
-    cities = (load_city("open_field"), small.city, load_city("village"))
-    environment = Environment(cities)
-    greedy, generator = Greedy(environment), stream(Use.TEST, 0)
-    city = np.repeat(np.arange(3), 100)
-    start, goal = np.array(
-        [
-            generator.choice(np.flatnonzero(environment.landing_distance[one] >= 0), 2)
-            for one in city
-        ]
-    ).T
-    cell, flown = start, np.zeros(len(city), int)
-    for _ in range(environment.size**2):
-        flown += cell != goal
-        cell = environment.next_cell[city, cell, greedy.towards(city, cell, goal)]
-    assert (cell == goal).all() and np.array_equal(flown, greedy.moves[city, start, goal])
-    home = np.where(environment.landing[:, None], greedy.moves, NO_PATH).min(axis=2)
-    reachable = environment.landing_distance >= 0
-    assert np.array_equal(home[reachable], environment.landing_distance[reachable])
 
 
 def test_greedy_goes_to_the_nearest_device_and_home_when_all_is_collected(small):

@@ -41,10 +41,3 @@ def test_a_policy_by_its_name_and_the_seed_is_that_of_random_flights(village):
     assert np.array_equal(first, again) and not np.array_equal(first, other)
     assert isinstance(find_policy("greedy", village), Greedy)
     assert find_policy("any_city", village).cities[0].name == "village"
-
-
-def test_an_unknown_name_and_an_agent_of_another_city(village):
-    with pytest.raises(InputError, match=r"magic.*greedy"):
-        find_policy("magic", village)
-    with pytest.raises(InputError, match=r"manhattan.*village.*any_city"):
-        find_policy("manhattan", village)

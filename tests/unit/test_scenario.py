@@ -3,7 +3,6 @@ import pytest
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
-from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario, find_scenario
 
 SMALL = City.from_text("small", "L.B\n..B\nBB.")  # four cells for devices, one cut off
@@ -60,26 +59,3 @@ def test_episodes_under_way_can_still_be_landed(generator):
     assert (state.data_left <= state.data_initial).all()
     used = state.data_initial > 0
     assert (state.data_left[used] == 0).mean() == pytest.approx(1 / 2, abs=0.04)
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("devices", (0, 2)),
-        ("devices", (3, 2)),
-        ("data", (-1.0, 5.0)),
-        ("data", (0.0, 0.0)),
-        ("flying_time", (0, 10)),
-        ("flying_time", (10, 40_000)),
-        ("devices", (1, 101)),
-        ("data", "many"),
-    ],
-)
-def test_impossible_ranges_name_the_field(field, value):
-    with pytest.raises(InputError, match=f"scenario mine: {field}"):
-        Scenario("mine", **{field: value})
-
-
-def test_more_devices_than_cells_name_the_city(generator):
-    with pytest.raises(InputError, match="up to 5 devices, but small has 4 cells"):
-        Scenario("five", devices=(1, 5)).sample(BOTH, 1, generator)

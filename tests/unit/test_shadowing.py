@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from reference import reference_line_of_sight
 
-from uavdh_lite.course.bresenham import bresenham_fans
 from uavdh_lite.shadowing import line_of_sight
 
 CITIES = [(1, 0.0), (2, 0.5), (3, 0.2), (5, 0.3), (8, 0.6), (9, 0.25)]
@@ -60,16 +59,3 @@ def test_limit_cases_by_hand(text, device, uav, seen):
     assert sight[device + uav] == sight[uav + device] == seen
     assert turned[device[::-1] + uav[::-1]] == seen
     assert reference_line_of_sight(walls, device, uav) == seen
-
-
-def test_bresenham_is_not_symmetric():
-    # the ray between the corners goes by the lower left one way, by the upper right the other
-    sight = bresenham_fans(grid(".# .."))
-    assert sight[0, 0, 1, 1] and not sight[1, 1, 0, 0]
-
-
-def test_several_cities_at_once_are_as_each_alone(generator):
-    buildings = generator.random((2, 3, 6, 6)) < 0.3
-    sight = line_of_sight(buildings)
-    for index in np.ndindex(2, 3):
-        assert np.array_equal(sight[index], line_of_sight(buildings[index]))

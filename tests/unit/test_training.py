@@ -8,11 +8,10 @@ from torch.nn.utils import parameters_to_vector
 from uavdh_lite import training
 from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.environment import Rewards
-from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate, fly
 from uavdh_lite.experiments.runs import restore_run, save_run
 from uavdh_lite.streams import Use, stream
-from uavdh_lite.training import CURVES, Trainer
+from uavdh_lite.training import CURVES
 
 
 def run(trainer, steps=100_000):
@@ -92,13 +91,6 @@ def test_a_restored_run_goes_on_to_the_same_weights(trainer, tmp_path, monkeypat
     assert run(again) == run(whole)
     (ours,), (theirs,) = whole.training_rows, again.training_rows
     assert ours | {"seconds": 0} == theirs | {"seconds": 0} and ours["episodes"] > 9
-
-
-def test_names_in_place_of_scenario_and_recipe_are_refused_at_once(corridor_scenario, quick):
-    with pytest.raises(InputError, match="scenario is a Scenario, here is 'village': find_scen"):
-        Trainer("village", quick, 0)
-    with pytest.raises(InputError, match="recipe is a Recipe, here is 'lite': find_recipe"):
-        Trainer(corridor_scenario, "lite", 0)
 
 
 def test_a_row_of_the_learning_curve_has_the_means_of_the_counted_episodes(trainer, monkeypatch):
