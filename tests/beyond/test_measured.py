@@ -178,20 +178,17 @@ def test_a_place_needs_its_own_table(model, tmp_path):
     complete, deaf = np.full((64, 64), -80.0), np.where(model.sight[0], -np.inf, -80.0)
     for gain_db, about, named in (
         (np.zeros((4, 4)), {}, "not the gains of town.png"),
-        (np.where(np.arange(64) == 3, np.nan, complete), {}, "not the gains of town.png .*NaN"),
         (deaf, {}, "not the gains of town.png .*no finite gain between two cells in sight"),
         (complete, {"cell_size_m": 20.0}, "its cell_size_m are 20.0, but 10.0 for town.png"),
-        (complete, [1], "not a table of gains"),
     ):
         save_gains(table, gain_db, about)
         with pytest.raises(InputError, match=f"town.npz: {named}"):
             load_place(path)
     save_gains(table, complete, {"cell_size_m": 10.0, "scene": "Ω"})
     assert np.ptp(load_place(path).mean_snr_db) == 0 and load_gains(table)[1]["scene"] == "Ω"
-    for content in (table.read_bytes()[:-30], None):
-        table.write_bytes(content) if content else table.unlink()
-        with pytest.raises(InputError, match=r"town\.npz: not a table of gains"):
-            load_place(path)
+    table.write_bytes(table.read_bytes()[:-30])
+    with pytest.raises(InputError, match=r"town\.npz: not a table of gains"):
+        load_place(path)
 
 
 def test_a_table_of_another_city_is_refused_and_zones_may_be_painted(tmp_path):

@@ -1,7 +1,5 @@
 """The Gymnasium environments: the checkers pass, and both are the library's simulator."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 
@@ -92,31 +90,6 @@ def test_a_start_that_cannot_be_flown_or_seen_is_refused(wrong, named):
         single().reset(options={"start": wrong})
 
 
-SCRIPT = """
-import multiprocessing
-
-if __name__ == "__main__":
-    multiprocessing.set_start_method("spawn")
-    import gymnasium
-
-    ID = "uavdh_lite.bridges.gymnasium:uavdh_lite/DataHarvesting-v0"
-    envs = gymnasium.make_vec(ID, 2, vectorization_mode="async", scenario="village")
-    print(envs.reset(seed=0)[0]["map"].shape)
-    envs.close()
-"""
-
-
-@pytest.mark.long
-@pytest.mark.longest
-def test_processes_that_inherit_nothing_find_the_environment_by_its_module(tmp_path):
-    """As in a Jupyter kernel: what the parent imported has registered nothing in them."""
-    (tmp_path / "script.py").write_text(SCRIPT)
-    ran = subprocess.run(
-        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300
-    )
-    assert ran.stdout.startswith("(2, 5, 15, 15)"), ran.stderr
-
-
 def batch(count, **options):
     options = {"scenario": "village", **options}
     mode = "vector_entry_point"
@@ -169,22 +142,6 @@ def test_a_batch_is_eight_single_environments(kind):
         ours_seen, theirs_seen = ours.step(action), theirs.step(action)
         ends += ours_seen[2].sum()
     assert ends > 50
-
-
-def test_a_batch_in_several_cities_with_fading_is_what_the_library_flies():
-    environment = Environment(CityGenerator(8).draw(5, 0))
-    env = batch(16, environment=environment).unwrapped
-    env.reset(seed=3)
-    state, generator = env.state, np.random.default_rng(4)
-    assert len(set(state.city)) > 1
-    for _ in range(19):  # no flight of the village is shorter than 20, unless it lands
-        env._np_random = np.random.default_rng(7)
-        action = generator.integers(0, 5, 16)
-        state, outcome = environment.step(state, action, np.random.default_rng(7))
-        seen, reward, ended, truncated, info = env.step(action)
-        assert (reward == Rewards()(outcome)).all() and not truncated.any() and not ended.any()
-        assert data_equivalence(seen, env.observe(state), exact=True)
-        assert np.array_equal(info["collected"], state.collected.astype(float))
 
 
 @pytest.mark.parametrize("masked", [False, True])

@@ -23,8 +23,6 @@ from uavdh_lite.environment import (
     Rewards,
     State,
 )
-from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import Policy, fly
 from uavdh_lite.scenario import Scenario
 
 CITY = City.from_text(
@@ -141,28 +139,6 @@ def test_actions_are_in_the_order_of_the_specification():
         assert divmod(int(state.uav_cell[0]), 5) == cell and not outcome.intervened[0]
         assert state.time_left[0] == 9
         assert reward == pytest.approx(outcome.uploaded.sum() - 0.2)
-
-
-@pytest.mark.parametrize(
-    "wrong, named",
-    [
-        ([0, 5, 6], "6 of episode 2"),
-        ([0, -1, 0], "-1 of episode 1"),
-        ([4.9] * 3, "4.9 of episode 0"),
-        ([0, 1], r"shape \(2,\)"),
-    ],
-)
-def test_what_is_no_action_is_refused_with_its_episode(wrong, named, generator):
-    class Wrong(Policy):
-        def act(self, state):
-            return np.array(wrong)
-
-    environment = Environment(CITY)
-    state = SCENARIO.sample(environment, 3, generator)
-    with pytest.raises(InputError, match=named):
-        environment.step(state, np.array(wrong), generator)
-    with pytest.raises(InputError, match=named):
-        fly(environment, Wrong(), state, generator)
 
 
 # Tables, and states

@@ -14,6 +14,7 @@ from uavdh_lite.channel import Channel
 from uavdh_lite.city import MAX_SIZE, City, load_cities
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import FunctionPolicy
 from uavdh_lite.missions import Mission
 from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
@@ -37,6 +38,11 @@ def mission(**changes):
     return Mission(**{"city": VILLAGE, **ONE, **changes})
 
 
+def step(*actions):
+    start = scenario().sample(WORLD, 3, stream(Use.TEST))
+    return WORLD.step(start, np.array(actions), stream(Use.FADING))
+
+
 def sample(world, **changes):
     return scenario(**changes).sample(world, 1, stream(Use.TEST))
 
@@ -51,6 +57,11 @@ WRONG = [
     (lambda: Environment("manhattan"), "takes a City .* here is 'manhattan': City.load"),
     (lambda: Environment((VILLAGE, "village")), "here is 'village'"),
     (lambda: Environment(()), "0 cities: an environment takes 1 to"),
+    (lambda: step(0, 5, 6), "6 of episode 2"),
+    (lambda: step(0, -1, 0), "-1 of episode 1"),
+    (lambda: step(4.9, 4.9, 4.9), "4.9 of episode 0"),
+    (lambda: step(0, 1), r"shape \(2,\)"),
+    (lambda: FunctionPolicy(lambda state: np.full(1, 6)).act(sample(WORLD)), "6 of episode 0"),
     (lambda: scenario(devices=(0, 2)), "scenario mine: devices is"),
     (lambda: scenario(devices=(1, 101)), "scenario mine: devices is .* at most 100"),
     (lambda: scenario(devices=(3, 2)), "scenario mine: devices from 3 to 2"),
