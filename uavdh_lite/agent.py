@@ -77,10 +77,11 @@ class Agent(Policy):
         own = self.trained_in
         if fingerprint_of(cities) == fingerprint_of(own):
             return True
-        return len(own) > 1 and max(city.size for city in cities) <= own[0].size
+        largest = max(city.size for city in cities)
+        return len(own) > 1 and largest <= max(city.size for city in own)
 
     def over(self, city: City | tuple[City, ...], channel: Channel | None = None) -> "Agent":
-        """The same network over another city, or several; a smaller one lies in no-fly cells.
+        """The same network over another city, or several, no larger than it was made for.
 
         The radio channel stays its own unless another is given.
 

@@ -84,12 +84,13 @@ def save_agent(path: str | Path, agent: Agent) -> None:
     Over which other cities it flies is not part of the file: `agent.over` says that again.
     """
     tensors = {f"network.{name}": value for name, value in agent.network.state_dict().items()}
-    tensors["cities"] = torch.from_numpy(np.stack([city.kinds for city in agent.trained_in]))
+    side = max(city.size for city in agent.trained_in)
+    kinds = [np.pad(city.kinds, (0, side - city.size)) for city in agent.trained_in]
+    tensors["cities"] = torch.from_numpy(np.stack(kinds))
     about = {
         "recipe": agent.recipe.as_json(),
         "scenario": asdict(agent.scenario),
-        # Their cells without what is around them
-        "cities": [{"name": city.name, "size": city.own_size} for city in agent.trained_in],
+        "cities": [{"name": city.name, "size": city.size} for city in agent.trained_in],
         "size": agent.observation.size,  # of the largest city that the network can see
         "training": agent.training,
     }

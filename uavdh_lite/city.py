@@ -52,7 +52,6 @@ class City:
     | `landing` | (M, M) bool | start and landing zone |
     | `no_fly` | (M, M) bool | cells the UAV may not enter: no-fly zones and tall buildings |
     | `buildings` | (M, M) bool | cells that block radio links |
-    | `own_size` | int | cells on a side without what `embedded` put around it; M if nothing |
 
     Raises `CityError` if the layers are not square or differ in shape, if there is no landing cell,
     if a landing cell is also a building or a no-fly cell or is walled in by them, or if no device
@@ -63,7 +62,6 @@ class City:
     landing: np.ndarray
     no_fly: np.ndarray
     buildings: np.ndarray
-    own_size: int = 0
 
     def __post_init__(self):
         # From a file: half a character fits into no figure, and a terminal obeys some
@@ -79,7 +77,6 @@ class City:
             raise CityError(f"{self.name}: the layers landing, no_fly, buildings differ in shape")
         if shape[0] > MAX_SIZE:
             raise CityError(f"{self.name}: {shape[0]} cells on a side, at most {MAX_SIZE} fit")
-        object.__setattr__(self, "own_size", self.own_size or self.size)
         if not self.landing.any():
             raise CityError(f"{self.name}: no start and landing zone; paint at least one cell blue")
         both = self.landing & (self.no_fly | self.buildings)
@@ -104,8 +101,7 @@ class City:
     @cached_property
     def open_to_devices(self) -> np.ndarray:
         """Where a device may stand: neither on a building nor in the landing zone; (M, M) bool."""
-        own = np.arange(self.size) < self.own_size
-        return read_only(~self.buildings & ~self.landing & own[:, None] & own)
+        return read_only(~self.buildings & ~self.landing)
 
     @cached_property
     def landing_distance(self) -> np.ndarray:
@@ -127,9 +123,8 @@ class City:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the layers: equal for equal cities, whatever their names, embedded or not."""
-        own = slice(self.own_size)
-        return hashlib.sha256(bytes([self.own_size]) + self.kinds[own, own].tobytes()).hexdigest()
+        """SHA-256 of the layers: equal for equal cities, whatever their names."""
+        return hashlib.sha256(bytes([self.size]) + self.kinds.tobytes()).hexdigest()
 
     @property
     def text(self) -> str:
@@ -189,19 +184,6 @@ class City:
                 )
         return city
 
-    def embedded(self, size: int) -> "City":
-        """This city in the north-west corner of size×size cells, with no-fly cells around it."""
-        if size == self.size:
-            return self
-        around = (0, size - self.size)
-        return City(
-            self.name,
-            np.pad(self.landing, around),
-            np.pad(self.no_fly, around, constant_values=True),
-            np.pad(self.buildings, around),
-            self.own_size,
-        )
-
     def save(self, path: str | Path) -> None:
         """Write the city as a PNG, one pixel per cell, atomically."""
         image = Image.fromarray(COLOURS[self.kinds])
@@ -243,7 +225,7 @@ def fingerprint_of(cities: tuple[City, ...]) -> str:
 
 def described(cities: tuple[City, ...]) -> str:
     """Cities in an error: the name of the first, how many there are, and how large they are."""
-    size, others = cities[0].size, " and others" * (len(cities) > 1)
+    size, others = max(city.size for city in cities), " and others" * (len(cities) > 1)
     return f"{cities[0].name}{others} ({len(cities)} of {size} × {size} cells)"
 
 

@@ -172,8 +172,8 @@ class Environment:
     ### Several cities
     Over one city, C is 1 and an index of 0 in front of a table is all there is to know. With a
     tuple of cities, each episode of a batch is in one of them, and goes on as it would over that
-    city alone: tables have the cities as their first axis. A smaller city lies in no-fly cells, so
-    that all have one shape.
+    city alone: tables have the cities as their first axis. In them a smaller city lies in the
+    north-west corner, with no-fly cells around it, so that all have one shape.
 
     Raises `InputError` for anything but cities.
 
@@ -188,7 +188,7 @@ class Environment:
 
     @cached_property
     def cities(self) -> tuple[City, ...]:
-        """The cities, all of `size` cells on a side."""
+        """The cities, each of its own size."""
         cities = self.city if isinstance(self.city, tuple | list) else (self.city,)
         if not 1 <= len(cities) <= MAX_CITIES:
             raise InputError(f"{len(cities)} cities: an environment takes 1 to {MAX_CITIES}")
@@ -198,13 +198,12 @@ class Environment:
                     f"an environment takes a City or a tuple of them, here is {shown(city)}: "
                     "City.load reads one by its name or from a PNG"
                 )
-        size = max(city.size for city in cities)
-        return tuple(city.embedded(size) for city in cities)
+        return tuple(cities)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """M, the number of cells on a side of the largest city."""
-        return self.cities[0].size
+        return max(city.size for city in self.cities)
 
     @cached_property
     def landing(self) -> np.ndarray:
@@ -214,7 +213,7 @@ class Environment:
     @cached_property
     def no_fly(self) -> np.ndarray:
         """The cells that the UAV may not enter; (C, n) bool."""
-        return self._layer("no_fly")
+        return self._layer("no_fly", outside=True)
 
     @cached_property
     def buildings(self) -> np.ndarray:
@@ -229,10 +228,12 @@ class Environment:
     @cached_property
     def landing_distance(self) -> np.ndarray:
         """Moves to the nearest landing cell, −1 if there is no path; (C, n) ints."""
-        return self._layer("landing_distance")
+        return self._layer("landing_distance", outside=-1)
 
-    def _layer(self, name: str) -> np.ndarray:
-        return read_only(np.stack([getattr(city, name).ravel() for city in self.cities]))
+    def _layer(self, name: str, outside: int = False) -> np.ndarray:
+        layers = [getattr(city, name) for city in self.cities]
+        padded = [np.pad(a, (0, self.size - len(a)), constant_values=outside) for a in layers]
+        return read_only(np.stack(padded).reshape(len(layers), -1))
 
     @cached_property
     def sight(self) -> np.ndarray:
@@ -244,8 +245,8 @@ class Environment:
     @cached_property
     def transmit_snr_db(self) -> np.ndarray:
         """P/σ² in each city, dB; (C,) float32."""
-        own_sizes = [city.own_size for city in self.cities]
-        return read_only(np.array([*map(self.channel.transmit_snr_db, own_sizes)], np.float32))
+        snr_db = [self.channel.transmit_snr_db(city.size) for city in self.cities]
+        return read_only(np.array(snr_db, np.float32))
 
     @cached_property
     def next_cell(self) -> np.ndarray:

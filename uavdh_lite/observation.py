@@ -89,8 +89,8 @@ class Observation(nn.Module):
 
     def in_place_map(self, state: State) -> Tensor:
         """All layers in place, and one that marks the UAV's cell; (B, 6, W, W)."""
-        own_size = np.array([city.own_size for city in self.environment.cities])[state.city]
-        corner = self.size - 1 - (self.width - own_size) // 2
+        size = np.array([city.size for city in self.environment.cities])[state.city]
+        corner = self.size - 1 - (self.width - size) // 2
         maps = self._window(state, corner, corner, channels=6)
         uav = self._tensor(self._in_window(state.uav_cell, corner, corner))
         maps.flatten(2)[:, len(LAYERS)].scatter_(1, uav[:, None], 1.0)

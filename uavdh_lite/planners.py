@@ -75,8 +75,9 @@ class Greedy(Policy):
     @cached_property
     def moves(self) -> np.ndarray:
         """Moves between all pairs of cells, `[city, start, goal]`; see `shortest_paths`."""
-        moves = [shortest_paths(city.no_fly) for city in self.environment.cities]
-        return read_only(np.stack(moves))
+        size = self.environment.size
+        no_fly = self.environment.no_fly.reshape(-1, size, size)
+        return read_only(np.stack([*map(shortest_paths, no_fly)]))
 
     @cached_property
     def approach(self) -> np.ndarray:

@@ -104,25 +104,25 @@ def film(environment: Environment, flights: Mapping[str, Trajectory]) -> dict[st
         raise InputError("no flight to play: give one, or several with their names")
     _require_mission(environment, list(flights.values()))
     start = next(iter(flights.values())).start
-    city, own = environment.cities[start.city[0]], slice(environment.cities[start.city[0]].own_size)
+    city, size = environment.cities[start.city[0]], environment.size
     used = np.flatnonzero(start.data_initial[0] > 0)
     cells = start.device_cells[0, used]
     hidden = np.where(environment.sight[start.city, cells], ".", "#")
-    hidden = hidden.reshape(-1, city.size, city.size)
+    hidden = hidden.reshape(-1, size, size)[:, : city.size, : city.size]
     return {
         "title": f"Flight{'s' * (len(flights) > 1)} over {city.name}",
-        "city": [row[own] for row in city.text.split("\n")[own]],
+        "city": city.text.split("\n"),
         "devices": [
             {
                 "number": int(number),
-                "cell": divmod(int(cell), city.size),
+                "cell": divmod(int(cell), size),
                 "colour": device_colour(number),
-                "hidden": ["".join(row[own]) for row in rows[own]],
+                "hidden": ["".join(row) for row in rows],
             }
             for number, cell, rows in zip(used, cells, hidden, strict=True)
         ],
         "flights": [
-            {"name": name, **_flight(flight, used, city.size)} for name, flight in flights.items()
+            {"name": name, **_flight(flight, used, size)} for name, flight in flights.items()
         ],
     }
 

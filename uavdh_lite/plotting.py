@@ -78,7 +78,7 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
         cells = np.argwhere(city.kinds == kind)
         squares = [Rectangle((col - 0.5, row - 0.5), 1, 1) for row, col in cells]
         ax.add_collection(PatchCollection(squares, zorder=1, linewidth=0, **style))
-    size = city.own_size
+    size = city.size
     ticks = np.arange(0, size, max(1, round(size / 8)))
     ax.set(xlim=(-0.5, size - 0.5), ylim=(size - 0.5, -0.5), aspect="equal")
     ax.set(xticks=ticks, yticks=ticks, xlabel="column", ylabel="row")
@@ -113,7 +113,7 @@ def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) 
     start, number = trajectory.start, int(trajectory.start.city[0])
     city, devices = environment.cities[number], start.device_cells[start.data_initial > 0]
     draw_city(ax, city, shadow_sum(environment, devices, number))
-    draw_flight(ax, city, trajectory)
+    draw_flight(ax, city, trajectory, environment.size)
     ax.set_xlabel(f"column\n{caption(trajectory)}")
     return ax
 
@@ -138,7 +138,7 @@ def draw_rates(
     if limits:
         rates = np.maximum(rates, limits[0] / 2)
         scale, colours = LogNorm(*limits), WHITE_BELOW
-    shown = np.where(city.no_fly, np.nan, rates)
+    shown = np.where(environment.no_fly[0].reshape(rates.shape), np.nan, rates)
     picture = draw_city(ax, city).imshow(shown, colours, scale, zorder=1.5)
     ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
     if not limits:
@@ -169,17 +169,20 @@ def trajectory_figure(environment: Environment, trajectory: Trajectory) -> Figur
     return figure
 
 
-def draw_flight(ax: Axes, city: City, trajectory: Trajectory) -> Axes:
+def draw_flight(ax: Axes, city: City, trajectory: Trajectory, size: int) -> Axes:
     """What a flight adds to the map: its path, its devices, start and end.
 
     Arrows and hover marks have the colour of the device that uploaded most in that step, black if
     none did; the thicker an arrow, the more was uploaded in its step. The number next to a device
     is its data at the start. A hover mark grows with the time spent there. The UAV itself is shown
     while it is in the air.
+
+    Arguments:
+        size: cells on a side of the environment.
     """
-    path = np.stack(np.divmod(trajectory.uav_cell, city.size), axis=1)  # row, column
+    path = np.stack(np.divmod(trajectory.uav_cell, size), axis=1)  # row, column
     _draw_path(ax, path, trajectory)
-    _draw_devices(ax, city, trajectory.start)
+    _draw_devices(ax, city, trajectory.start, size)
     (row, col), (last_row, last_col) = path[0], path[-1]
     ax.plot(col, row, "^", color="white", mec="black", ms=9, zorder=7)
     marker: str | Outline = UAV
@@ -222,13 +225,13 @@ def _draw_path(ax: Axes, path: np.ndarray, trajectory: Trajectory) -> None:
             ax.plot(col, row, "o", mfc="none", mec=colour, zorder=5, ms=size, mew=1.4)
 
 
-def _draw_devices(ax: Axes, city: City, start: State) -> None:
+def _draw_devices(ax: Axes, city: City, start: State, size: int) -> None:
     """The devices of an episode with their data at the start."""
     for device in np.flatnonzero(start.data_initial[0] > 0):
-        row, col = divmod(int(start.device_cells[0, device]), city.size)
+        row, col = divmod(int(start.device_cells[0, device]), size)
         colour = device_colour(device)
         ax.plot(col, row, "X", color=colour, mec="white", mew=0.8, ms=11, zorder=6)
-        east = col < city.own_size - 1  # there is room for the number
+        east = col < city.size - 1  # there is room for the number
         ax.annotate(
             f"{start.data_initial[0, device]:.0f}",
             (col, row),
@@ -377,7 +380,7 @@ def save_animation(city: City, trajectory: Trajectory, path: str | Path) -> None
         flown = replace(trajectory, landed=trajectory.landed and steps == last, **begun)
         for artist in set(ax.get_children()).difference(ground):
             artist.remove()  # what the frame before has drawn
-        draw_flight(ax, city, flown).set_xlabel(caption(flown))
+        draw_flight(ax, city, flown, city.size).set_xlabel(caption(flown))
 
     frames = [*range(last + 1), *[last] * FRAMES_OF_THE_END]
     film = FuncAnimation(figure, draw, frames, init_func=lambda: None)

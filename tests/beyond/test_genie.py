@@ -78,7 +78,7 @@ def test_a_plan_does_not_depend_on_the_others_of_the_batch(together, monkeypatch
     for row in range(20):
         city = int(start.city[row])
         alone = replace(start[[row]], city=np.zeros(1, np.int16))
-        (plan,) = Genie(Environment(environment.cities[city])).plans(alone)
+        (plan,) = Genie(Environment((environment.cities[city], CITY))).plans(alone)
         assert plan.value == plans[row].value
         assert plan.actions.tolist() == plans[row].actions.tolist()
 

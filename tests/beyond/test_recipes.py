@@ -74,19 +74,18 @@ def test_it_acts_by_its_values_and_the_failsafe_masks_them(recipe, agent, states
         assert records["landed"].all() and not records["sent_home"].any()
 
 
-def test_it_is_the_same_after_saving_and_over_an_embedded_city(recipe, agent, states, tmp_path):
+def test_it_is_the_same_after_saving_and_over_a_city_among_others(recipe, agent, states, tmp_path):
     save_agent(tmp_path / "a.safetensors", agent)
     loaded = load_agent(tmp_path / "a.safetensors")
     assert loaded.recipe == recipe and type(loaded.environment) is type(agent.environment)
     assert torch.equal(loaded.q_values(states), agent.q_values(states))
-    small, embedded = loaded.over(SMALLER), agent.over(SMALLER.embedded(5))
-    ours, theirs = (
-        one.q_values(SCENARIO.sample(one.environment, 20, np.random.default_rng(0)))
-        for one in (small, embedded)
-    )
-    assert torch.equal(ours, theirs)
-    with pytest.raises(InputError, match=r"up to 5 cells .* 6 .*five"):
-        agent.over(CITY.embedded(6))
+    small, beside = loaded.over(SMALLER), agent.over((SMALLER, CITY))
+    start = SCENARIO.sample(small.environment, 20, np.random.default_rng(0))
+    cells = {name: getattr(start, name) for name in ("uav_cell", "device_cells")}
+    there = replace(start, **{name: cell // 3 * 5 + cell % 3 for name, cell in cells.items()})
+    assert torch.equal(small.q_values(start), beside.q_values(there))
+    with pytest.raises(InputError, match=r"up to 5 cells .* 6 .*six"):
+        agent.over(City.from_text("six", "L....." + 5 * "\n......"))
 
 
 def test_it_resumes_to_the_bit(recipe, tmp_path):

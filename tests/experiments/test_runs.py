@@ -70,7 +70,7 @@ def test_files_of_a_run(finished):
 def test_another_run_is_not_restored(trainer, tmp_path, corridor_scenario, quick, corridor):
     path = tmp_path / "t.safetensors"
     save_run(path, trainer())
-    tiny = type(corridor).from_text("tiny", "L .\n. .").embedded(5)
+    tiny = type(corridor).from_text("tiny", "L .\n. .")
     for other, difference in (
         (trainer(seed=5), "another seed .*0 there, 5 here"),
         (trainer(discount=0.9), "another recipe .*discount: 0.95 there, 0.9 here"),

@@ -1,4 +1,6 @@
-"""What hypothesis draws for more than one file of tests."""
+"""What more than one file of tests draws, and needs."""
+
+from dataclasses import replace
 
 from hypothesis import reject
 from hypothesis import strategies as st
@@ -17,3 +19,9 @@ def cities(draw, least: int):
         return City.from_text("drawn", "\n".join(rows))
     except CityError:
         reject()
+
+
+def renumbered(state, own, size):
+    """The state with the cells of a city of its own size as an environment of `size` has them."""
+    cells = {name: getattr(state, name) for name in ("uav_cell", "device_cells")}
+    return replace(state, **{name: cell // own * size + cell % own for name, cell in cells.items()})

@@ -44,8 +44,8 @@ def test_which_cities_it_knows_and_that_a_larger_one_is_refused(agent, corridor)
         assert not elsewhere.knows(elsewhere.cities)
     assert several.over(corridor).knows((TINY,)) and several.over(TINY).knows((corridor,))
     # Nor does what the network could see: the largest of them all must be as large as its own.
-    wide = agent.recipe.observation_for(both.environment, 6)
-    assert not replace(several, observation=wide).knows((corridor.embedded(6),))
+    wide = agent.recipe.observation_for(both.environment, 16)
+    assert not replace(several, observation=wide).knows((manhattan,))
     assert not several.knows((TINY, manhattan))
     with pytest.raises(InputError, match="2 cities"):
         _ = several.city

@@ -7,6 +7,7 @@ from html import escape
 
 import numpy as np
 import pytest
+from strategies import renumbered
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import EAST, HOVER, LAND, NORTH, WEST, Environment
@@ -24,9 +25,9 @@ def flight(cities, actions=FLIGHT, city=0, device=(2, 3), data=1.5, flying_time=
     """A flight with two devices; of three places, the first is empty."""
     environment = Environment(cities)
     places = [device, (2, 4)]
-    start = Mission(
-        environment.cities[city], (2, 0), places, [data, 2.5], flying_time, max_devices=3
-    ).state
+    own = environment.cities[city]
+    start = Mission(own, (2, 0), places, [data, 2.5], flying_time, max_devices=3).state
+    start = renumbered(start, own.size, environment.size)
     turned = {
         name: np.roll(getattr(start, name), 1, axis=1)
         for name in ("device_cells", "data_initial", "data_left")

@@ -7,6 +7,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrow
 from PIL import Image, ImageSequence
+from strategies import renumbered
 
 from uavdh_lite import plotting
 from uavdh_lite.city import City
@@ -27,7 +28,9 @@ def ax():
 def flight(cities, actions, uav=(2, 0), device=(2, 2), data=1.5, city=0):
     """A flight with one device; a second place is empty."""
     environment = Environment(cities)
-    start = Mission(environment.cities[city], uav, [device], [data], 9, max_devices=2).state
+    own = environment.cities[city]
+    start = Mission(own, uav, [device], [data], 9, max_devices=2).state
+    start = renumbered(start, own.size, environment.size)
     start = replace(start, city=np.array([city], np.int16))
     actions = iter(actions)
     policy = FunctionPolicy(lambda state: np.array([next(actions)]))
@@ -97,7 +100,7 @@ def test_the_more_a_step_uploads_the_thicker_is_its_arrow(ax, corridor):
     environment, trajectory = flight(corridor, actions, data=50.0)
     much = plotting.MUCH
     left = 50 - np.cumsum([0, 0, 0.01 * much, much / 2, much, 3 * much, 0, 0])
-    plotting.draw_flight(ax, environment.city, replace(trajectory, data_left=left[:, None]))
+    plotting.draw_flight(ax, environment.city, replace(trajectory, data_left=left[:, None]), 5)
     reach = [np.ptp(each.get_xy()[:, 1]) for each in arrows(ax)]  # of the heads
     none, little, half, much, more, _ = reach
     assert none < little < half < much == pytest.approx(more) and none > plotting.THIN
@@ -148,9 +151,9 @@ def test_ten_devices_are_told_apart_on_light_and_on_dark_paper(paper, text, visi
 
 def test_the_end_says_whether_it_landed(ax, corridor):
     environment, crashed = flight(corridor, [HOVER] * 9)
-    plotting.draw_flight(ax, environment.city, crashed)
+    plotting.draw_flight(ax, environment.city, crashed, 5)
     assert markers(ax)[-1] == "*"
-    plotting.draw_flight(ax, environment.city, replace(crashed, time_left=crashed.time_left + 1))
+    plotting.draw_flight(ax, environment.city, replace(crashed, time_left=crashed.time_left + 1), 5)
     assert markers(ax)[-1] is plotting.UAV  # still in the air
 
 

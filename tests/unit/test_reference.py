@@ -34,8 +34,8 @@ def environment_of(names: str, kind: str = "exact") -> Environment:
     cities = sum((load_cities(name) for name in names.split("+")), ())
     environment = SafeEnvironment(cities) if kind == "failsafe" else Environment(cities)
     if kind == "bresenham":
-        maps = np.stack([city.buildings for city in environment.cities])
-        cells = environment.size**2
+        size, cells = environment.size, environment.size**2
+        maps = environment.buildings.reshape(-1, size, size)
         sight = np.stack([bresenham_fans(each) for each in maps]).reshape(-1, cells, cells)
         vars(environment)["sight"] = sight  # in the place of the cached one
     return environment

@@ -74,15 +74,16 @@ class ToldObservation(Observation):
         data = np.zeros((len(environment.cities), cells, cells), np.float32)
         row, col = np.divmod(np.arange(cells), environment.size)
         for number, city in enumerate(environment.cities):
-            own = (row < city.own_size) & (col < city.own_size)
-            for cell in np.flatnonzero(city.open_to_devices):
+            own = (row < city.size) & (col < city.size)
+            for cell in np.flatnonzero(environment.open_to_devices[number]):
                 data[number, cell] = environment.rate_map(int(cell), number).ravel() * own
         return self._tensor(environment.channel.slots * data.reshape(-1, cells))
 
     @cached_property
     def _there(self) -> Tensor:
         """Moves, `[city and start, goal]`, at most 2M; (C·n, n) uint8."""
-        ways = [shortest_paths(city.no_fly) for city in self.environment.cities]
+        size = self.environment.size
+        ways = [*map(shortest_paths, self.environment.no_fly.reshape(-1, size, size))]
         return self._tensor(np.concatenate(ways).clip(max=self._farthest).astype(np.uint8))
 
     @cached_property
