@@ -83,7 +83,7 @@ class City:
         if both.any():
             raise CityError(f"{self.name}: {_first(both)} is landing zone and no-fly or building")
         walled_in = self.landing & ~grow(~self.no_fly)
-        if walled_in.any() and self.size > 1:
+        if walled_in.any():
             raise CityError(
                 f"{self.name}: landing cell {_first(walled_in)} lies inside a no-fly zone: "
                 "the UAV cannot leave it; free a cell to its north, east, south or west"

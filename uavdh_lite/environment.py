@@ -231,6 +231,7 @@ class Environment:
         return self._layer("landing_distance", outside=-1)
 
     def _layer(self, name: str, outside: int = False) -> np.ndarray:
+        """A layer of all cities, with this value around the smaller ones; (C, n)."""
         layers = [getattr(city, name) for city in self.cities]
         padded = [np.pad(a, (0, self.size - len(a)), constant_values=outside) for a in layers]
         return read_only(np.stack(padded).reshape(len(layers), -1))
