@@ -1,17 +1,22 @@
-"""The paper's figures, made again, in `data/figures/paper`, and what each part of `lite` is worth.
+"""The charts of the results, in `data/figures/results`, and the paper's figures, made again.
 
-    python benchmarks/figures.py
+    python benchmarks/figures.py [NAME ...]
 
-The curves are those of the recorded studies; the flights are flown by the strengthened DDQN agents
-of seed 0.
+All figures are drawn unless some are named, such as `ladder`. The charts are those of
+`docs/_extensions/charts.py`. In `data/figures/paper` the curves are those of the recorded studies;
+the flights are flown by the strengthened DDQN agents of seed 0.
 """
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from matplotlib.figure import Figure
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "_extensions"))
+from charts import CHARTS, save_chart
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load_agent
@@ -50,33 +55,6 @@ def curves(study: str) -> Figure:
     greedy = table | {k: table[f"greedy_{k}"] for k in ("return", "collected_and_landed")}
     figure = Figure(figsize=(9, 4), layout="constrained")
     draw_study(figure, greedy)
-    return figure
-
-
-def parts() -> Figure:
-    """The end of each run of `lite` with one part undone, in both arms, a dot a run."""
-    table = read_table(DATA / "runs" / "pilots-manhattan.csv.gz")
-    ends = table["steps"] == table["steps"].max()
-    of_centred = {}
-    for name in np.unique(table["variant"]):
-        if name.startswith("centred_"):
-            runs = ends & (table["variant"] == name)
-            of_centred[name.removeprefix("centred_")] = table["collected_and_landed"][runs].mean()
-    names = sorted(of_centred, key=of_centred.__getitem__)
-    figure = Figure(figsize=(9, 0.9 + 0.3 * len(names)), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    for ax, metric in zip(axes, ("collected_and_landed", "return"), strict=True):
-        for arm, marker, colour in (("centred", "o", "C0"), ("in_place", "D", "C1")):
-            for place, name in enumerate(names):
-                values = table[metric][ends & (table["variant"] == f"{arm}_{name}")]
-                label = arm.replace("_", " ") if ax is axes[0] and place == 0 else None
-                at = np.full(len(values), place)
-                ax.plot(values, at, marker, color=colour, ms=5, alpha=0.7, label=label)
-        ax.set_xlabel(f"{metric.replace('_', ' ')} in validation")
-        ax.grid(axis="y", alpha=0.3)
-    axes[0].set_xlim(-0.03, 1.03)
-    axes[0].set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
-    figure.legend(loc="outside upper right", ncols=2)
     return figure
 
 
@@ -143,12 +121,16 @@ def main() -> None:
         "open_field": lambda: flights("open_field", quarter),
         "courtyard": lambda: flights("open_field", courtyard),
         "manhattan": lambda: flights("manhattan", manhattan()),
-        "../parts_of_lite": parts,
     }
     OUT.mkdir(parents=True, exist_ok=True)
-    for name, figure in figures.items():
-        save_figure(figure(), OUT / f"{name}.png")
-        print(OUT / f"{name}.png", flush=True)
+    for name in sys.argv[1:] or (*CHARTS, *figures):
+        if name in CHARTS:
+            print(save_chart(name), flush=True)
+        elif name in figures:
+            save_figure(figures[name](), OUT / f"{name}.png")
+            print(OUT / f"{name}.png", flush=True)
+        else:
+            sys.exit(f"no figure {name!r}: choose of {', '.join((*CHARTS, *figures))}")
 
 
 if __name__ == "__main__":

@@ -29,12 +29,15 @@ from uavdh_lite.beyond.measured import (
 from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent, shipped_agents
-from uavdh_lite.city import load_city, shipped_cities
+from uavdh_lite.city import load_cities, load_city, shipped_cities
 from uavdh_lite.course.checks import EXERCISES
 from uavdh_lite.course.exam import questions
 from uavdh_lite.evaluation import Interval, bootstrap_interval, mean_interval, paired_interval
 from uavdh_lite.experiments.comparison import breakdown, share
+from uavdh_lite.missions import Mission
 from uavdh_lite.paper import RESULTS
+from uavdh_lite.player import play
+from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import read_table
 
@@ -264,7 +267,7 @@ def _parts(table: dict[str, np.ndarray], column: str) -> dict[str, dict[str, np.
     }
 
 
-def _flown(scenario: str) -> dict[str, dict[str, np.ndarray]]:
+def flown_by(scenario: str) -> dict[str, dict[str, np.ndarray]]:
     """The columns of each policy of a comparison; agents have the names that they are shipped by.
 
     The first part of the comparison's name is that of its agent.
@@ -277,7 +280,7 @@ def _flown(scenario: str) -> dict[str, dict[str, np.ndarray]]:
 def comparison(scenario: str) -> str:
     """The shipped agents, the planners and, where it has one, the paper's agent."""
     rows = []
-    for policy, columns in _flown(scenario).items():
+    for policy, columns in flown_by(scenario).items():
         cities = columns.get("city")
         shares = [mean_interval(columns[metric], cities) for metric in (*SHARES, "time_used")]
         *landed_and_collected, time = map(_percent, shares)
@@ -293,7 +296,7 @@ def comparison(scenario: str) -> str:
 
 def lead(scenario: str) -> str:
     """The agents against greedy and genie on the same missions, in pairs."""
-    flown = _flown(scenario)
+    flown = flown_by(scenario)
     rows = []
     for name, mine in flown.items():
         if name in PLANNERS:
@@ -331,7 +334,7 @@ def kind_of(city: np.ndarray) -> np.ndarray:
 
 
 def _by(scenario: str, title: str, by: Callable[[dict[str, np.ndarray]], np.ndarray]) -> str:
-    flown = {k: v for k, v in _flown(scenario).items() if k not in ("random", "genie")}
+    flown = {k: v for k, v in flown_by(scenario).items() if k not in ("random", "genie")}
     parts = [
         breakdown(columns[BOTH], by(columns), columns.get("city")) for columns in flown.values()
     ]
@@ -346,23 +349,23 @@ def _by(scenario: str, title: str, by: Callable[[dict[str, np.ndarray]], np.ndar
 # Studies
 
 
-def _runs(study: str) -> dict[str, list[dict[str, np.ndarray]]]:
+def runs_of(study: str) -> dict[str, list[dict[str, np.ndarray]]]:
     """The validations of each variant: the columns of each seed's run."""
     variants = _parts(read_table(RUNS / f"{study}.csv.gz"), "variant")
     return {name: [*_parts(one, "seed").values()] for name, one in variants.items()}
 
 
-def _ends(study: str) -> dict[str, dict[str, np.ndarray]]:
+def ends_of(study: str) -> dict[str, dict[str, np.ndarray]]:
     """The last validation of each variant: the columns, with a value for each seed."""
     return {
         variant: {key: np.array([run[key][-1] for run in runs]) for key in runs[0]}
-        for variant, runs in _runs(study).items()
+        for variant, runs in runs_of(study).items()
     }
 
 
 def study(name: str) -> str:
     """The last validation of each run, by variant: the changes are those to the first variant."""
-    ends = _ends(name)
+    ends = ends_of(name)
     first, rows = next(iter(ends)), {}
     for variant, end in ends.items():
         landed = sorted(f"{value:.3f}" for value in end["landed"])
@@ -388,7 +391,7 @@ def study(name: str) -> str:
 
 def parts() -> str:
     """What is left of `lite` without each of its parts, with the map centred and in place."""
-    ends = _ends("pilots-manhattan")
+    ends = ends_of("pilots-manhattan")
     names = [name.removeprefix("centred_") for name in ends if name.startswith("centred_")]
     first, rows = names[0], {}
     for name in names:
@@ -416,7 +419,7 @@ def _change(values: np.ndarray, usual: np.ndarray, digits: int) -> str:
 def by_steps(name: str) -> str:
     """Validations on the way: what the greedy policies of all seeds reach after some steps."""
     rows = []
-    for variant, runs in _runs(name).items():
+    for variant, runs in runs_of(name).items():
         every = runs[0]["steps"]
         chosen = [every[np.abs(every - part * every[-1]).argmin()] for part in PARTS_OF_RUN]
         for step in dict.fromkeys(chosen):
@@ -455,13 +458,12 @@ def ladder(scenario: str) -> str:
         rows.append([title.format(steps=f"{round(one['steps'], -3):,.0f}")])
         rows[-1] += [_percent(interval(metric)) for metric in ("landed", BOTH)]
         rows[-1] += [_number(interval("return")), ahead]
-        rows[-1] += ["✓" if one[f"knows_{what}"] else "" for what in KNOWLEDGE]
+        rows[-1].append(", ".join(KNOWLEDGE[w] for w in KNOWLEDGE if one[f"knows_{w}"]))
         rows[-1] += [seeds, int(one["missions"])]
     paper = [f"{100 * RESULTS[scenario][metric]:g} %" for metric in ("landed", BOTH)]
-    knows = ["✓" if what in ("map", "reward") else "" for what in KNOWLEDGE]
-    rows.append(["the paper's agent, on its own map", *paper, "", "", *knows, 1, 1000])
-    head = ["pilot", "landed", "collected and landed", "return", "return, ahead of greedy"]
-    head += [*KNOWLEDGE.values(), "seeds", "missions"]
+    rows.append(["the paper's agent, on its own map", *paper, "", "", "map, reward", 1, 1000])
+    head = ["pilot", "landed", "collected and landed", "return", "ahead of greedy"]
+    head += ["knows", "seeds", "missions"]
     return f"{_table(head, rows)}\n{_made_with('ladder')}"
 
 
@@ -494,7 +496,7 @@ def claims() -> str:
                 _numbers([100 * run[BOTH][-1] for run in runs], 1),
                 _numbers([run["return"][-1] for run in runs], 1),
             )
-            for variant, runs in _runs(f"centring_{recipe}-manhattan").items()
+            for variant, runs in runs_of(f"centring_{recipe}-manhattan").items()
         }
         for recipe in ("plain", "lite")
     }
@@ -536,7 +538,7 @@ def sb3() -> str:
     columns = {BOTH: 3, "landed": 3, "seconds": 0}
     rows = [
         [name, *(_numbers([run[c][-1] for run in runs], digits) for c, digits in columns.items())]
-        for name, runs in _runs("sb3-village").items()
+        for name, runs in runs_of("sb3-village").items()
     ]
     head = ["algorithm", "collected and landed, by seed", "landed, by seed", "seconds, by seed"]
     return f"{_table(head, rows)}\n{_made_with('sb3-village')}"
@@ -561,6 +563,25 @@ def practice(scenario: str) -> str:
         shares = (_percent(Interval(*score[name])) for name in (BOTH, "landed"))
         rows.append([f"`{score['name']}`", *shares, _number(Interval(*score["return"]))])
     return _table(["policy", "collected and landed", "landed", "return"], rows)
+
+
+def flights(checkpoint: str, seed: str, *others: str) -> str:
+    """A mission that an agent and perhaps others fly, to play in the page, and the command for it.
+
+    A city of the agent's scenario `any_city` is one of `random:1:SEED`.
+    """
+    agent = load_agent(checkpoint)
+    city = f"random:1:{seed}" if len(agent.cities) > 1 else None
+    if city:
+        agent = agent.over(load_cities(city))
+    environment = agent.environment
+    mission = Mission.draw(agent.scenario, agent.city, int(seed))
+    pilots = {checkpoint: agent} | {name: find_policy(name, environment) for name in others}
+    flown = {k: mission.fly(environment, pilot).trajectory(0) for k, pilot in pilots.items()}
+    options = f"--checkpoint {checkpoint}" + (f" --city {city}" if city else "")
+    command = f"python -m uavdh_lite fly {options} --seed {seed} --out flight.html"
+    player = play(environment, flown)._repr_html_()
+    return f"```{{raw}} html\n{player}\n```\n\n`{command}`\n"
 
 
 # Teaching
@@ -664,17 +685,18 @@ def places() -> str:
             row.append(f"{np.corrcoef(*rates)[0, 1]:.2f}")
         error = np.sqrt(np.square(rates[1] - rates[0]).mean()) / rates[0].mean()
         rows.append([*row, f"{error:.2f}", *(f"{values.mean():.3f}" for values in rates)])
-    head = ["place", "pairs in sight", "exponent in sight", "spread in sight"]
-    head += ["exponent behind buildings", "spread behind buildings"]
-    head += ["hidden pairs without any ray", "correlation of rates behind buildings"]
-    head += ["correlation of rates, all pairs", "RMS difference of the rates / mean rate, model"]
-    head += ["mean rate, model"]
-    return _table([*head, "mean rate, ray-traced"], rows)
+    lines = ["place", "pairs in sight", "exponent in sight", "spread in sight"]
+    lines += ["exponent behind buildings", "spread behind buildings"]
+    lines += ["hidden pairs without any ray", "correlation of rates behind buildings"]
+    lines += ["correlation of rates, all pairs", "RMS difference of the rates / mean rate, model"]
+    lines += ["mean rate, model", "mean rate, ray-traced"]
+    head, *rows = zip(lines, *rows, strict=True)
+    return _table(head, rows)
 
 
 def real_city(radio: str) -> str:
     """Who flew how well over the four places, in one of the two radios, next to greedy."""
-    flown, rows = _flown_over_places(radio), []
+    flown, rows = flown_over_places(radio), []
     for policy, label in PILOTS.items():
         table = flown[policy]
         ahead, row = table["return"] - flown["greedy"]["return"], [label]
@@ -695,7 +717,7 @@ def real_city(radio: str) -> str:
 
 def change_of_radio() -> str:
     """What the ray-traced radio adds to the returns of the paper's, at each of the places."""
-    before, after = (_flown_over_places(radio) for radio in ("model", "ray-traced"))
+    before, after = (flown_over_places(radio) for radio in ("model", "ray-traced"))
     told, greedy = (after[name]["return"] - before[name]["return"] for name in ("model", "greedy"))
     at, rows = before["model"]["place"], []
     changes = {PILOTS["model"]: told, "greedy": greedy, "the lead of `any_city`": told - greedy}
@@ -711,7 +733,7 @@ def worth_of_telling() -> str:
     policies = "nothing", "line_1", "line_10", "line_100", "link_10", "link_100", "truth"
     rows = {policy: [PILOTS[policy]] for policy in policies}
     for radio in ("model", "ray-traced"):
-        flown = _flown_over_places(radio)
+        flown = flown_over_places(radio)
         for policy, row in rows.items():
             added = flown[policy]["return"] - flown["model"]["return"]
             mean, low, high = (f"{v:+.2f}".replace("-", "−") for v in bootstrap_interval(added))
@@ -726,7 +748,7 @@ def worth_of_telling() -> str:
     return _table(head, rows.values())
 
 
-def _flown_over_places(radio: str) -> dict[str, dict[str, np.ndarray]]:
+def flown_over_places(radio: str) -> dict[str, dict[str, np.ndarray]]:
     """The flights of each policy in one radio; those at the same place flew the same mission."""
     table = read_table(RUNS / "real_city.csv.gz")
     of_radio = table["radio"] == radio

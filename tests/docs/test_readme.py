@@ -1,72 +1,41 @@
-"""The README's pictures are light, its code runs, its numbers are recorded ones."""
+"""The README is short, its pictures are light, and its chart shows what was recorded."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from markdown_it import MarkdownIt
 
-from uavdh_lite.paper import RESULTS
 from uavdh_lite.storage import read_table
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-COLUMNS = 7
-ROWS = {  # of the ladder
-    "**imitation agent**": "imitation",
-    "**DDQN agent**": "ddqn",
-    "DDQN with a failsafe": "ddqn_told",
-    "**plain agent**": "plain",
-    "greedy": "greedy",
-    "teacher": "teacher",
-    "random": "random",
-}
+sys.path.insert(0, str(ROOT / "docs" / "_extensions"))
+charts = pytest.importorskip("charts")
 
 
-def test_its_pictures_are_light():
-    pictures = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
-    assert pictures and all((ROOT / picture).stat().st_size < 1_000_000 for picture in pictures)
+def test_it_is_short_and_its_pictures_are_light():
+    assert len(README.split()) <= 700
+    pictures = re.findall(r"!\[[^\]]+\]\(([^)]+)\)|<img src=\"([^\"]+)\"", README)
+    pictures = ["".join(names) for names in pictures]
+    assert len(pictures) > 2 and all((ROOT / picture).stat().st_size < 1_000_000 for picture in pictures)
 
 
-def test_the_python_runs(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
-    exec(code.replace("episodes=1000", "episodes=20"), {})
-    assert "collected_and_landed" in capsys.readouterr().out
-
-
-def row(name: str) -> list[str]:
-    """The cells of the row that begins with this name, of the table as a reader sees it."""
-    tokens = MarkdownIt("commonmark").enable("table").parse(README)
-    table = next(i for i, token in enumerate(tokens) if token.type == "table_open")
-    cells = [token.content for token in tokens[table:] if token.type == "inline"]
-    (at,) = [i for i, cell in enumerate(cells) if cell.startswith(name)]
-    return [cell.replace("−", "-") for cell in cells[at : at + COLUMNS]]
-
-
-def number(value: float) -> str:
-    return "100 %" if value == 100 else f"{value:.1f} %"
-
-
-@pytest.mark.parametrize("name", ROWS)
-def test_the_results_are_those_of_the_ladder(name):
+def test_its_chart_shows_the_numbers_of_the_ladder():
     table, expected = read_table(ROOT / "data/runs/ladder.csv.gz"), []
-    for scenario in RESULTS:
-        found = np.flatnonzero((table["scenario"] == scenario) & (table["row"] == ROWS[name]))
-        if not found.size:
-            expected += [""] * 3
-            continue
-        one = {key: values[found[0]] for key, values in table.items()}
-        shares = (100 * one[metric] for metric in ("landed", "collected_and_landed"))
-        expected += [*map(number, shares), f"{one['return']:.1f}"]
-        if one["steps"]:
-            assert one["seeds"] == 3  # as the text says
-    assert row(name)[1:] == expected
+    for scenario in charts.MAPS:
+        for pilot in charts.FEW:
+            row = np.flatnonzero((table["scenario"] == scenario) & (table["row"] == pilot))
+            if row.size and pilot != "greedy":
+                expected.append(charts.number(table["return_ahead"][row[0]]))
+    picture = (charts.OUT / "ladder_small.svg").read_text(encoding="utf-8")
+    texts = re.findall(r"<text[^>]*>([^<]*)</text>", picture)
+    assert [text.removeprefix("◀ ") for text in texts if "." in text] == expected
 
 
-def test_the_papers_row_is_the_papers():
-    expected = []
-    for paper in RESULTS.values():
-        shares = (paper["landed"], paper["collected_and_landed"])
-        expected += [*(f"{100 * share:.1f} %" for share in shares), ""]
-    assert row("the paper's agents")[1:] == expected
+@pytest.mark.parametrize("name", charts.CHARTS)
+def test_charts_are_of_what_is_recorded(name):
+    """Otherwise: python benchmarks/figures.py NAME."""
+    picture = (charts.OUT / f"{name}.svg").read_text(encoding="utf-8")
+    assert charts.source_of(name) in picture

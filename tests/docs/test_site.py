@@ -16,6 +16,7 @@ from urllib.parse import unquote, urlsplit
 import handout
 import nbformat
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 
 import uavdh_lite
 from uavdh_lite import registry
@@ -152,6 +153,41 @@ def test_what_students_get_holds_no_solutions(site, tmp_path):
         shown = [answer for answer in answers if len(answer) > 30 and answer in text]
         assert not shown, (path, shown)
     assert len(answers) > 25 and len(pages) > 20
+
+
+def test_no_barriers_in_light_and_dark(site, browser):
+    """Nothing serious; in the dark, the colours alone are others."""
+    told = []
+    for scheme, rules in (("light", {}), ("dark", {"runOnly": ["color-contrast"]})):
+        page = browser.new_page(color_scheme=scheme, viewport={"width": 1500, "height": 900})
+        for name in ("index", "results/ladder", "results/gallery", "tutorials/00_first_flight"):
+            page.goto((site / f"{name}.html").as_uri())
+            found = Axe().run(page, options={"resultTypes": ["violations"], **rules})
+            for v in found.response["violations"]:
+                if v["impact"] in ("serious", "critical"):
+                    told.append((scheme, name, v["id"], [n["target"] for n in v["nodes"]][:5]))
+        page.close()
+    assert told == []
+
+
+def test_no_table_of_the_results_is_wider_than_1100_pixels(site, browser):
+    page, wide = browser.new_page(viewport={"width": 1500, "height": 900}), []
+    for path in sorted((site / "results").glob("*.html")):
+        page.goto(path.as_uri())
+        page.evaluate("document.querySelectorAll('details').forEach((each) => (each.open = true))")
+        widths = page.locator("table").evaluate_all("all => all.map((each) => each.scrollWidth)")
+        wide += [(path.stem, width) for width in widths if width > 1100]
+    page.close()
+    assert wide == []
+
+
+@pytest.mark.longest
+def test_the_article_is_made(tmp_path):
+    command = [sys.executable, "docs/article.py", tmp_path]
+    subprocess.run(command, check=True, cwd=ROOT, capture_output=True)
+    page = (tmp_path / "article.html").read_text(encoding="utf-8")
+    assert "<h1>Which of the paper" in page and "verdict" in page
+    assert all((tmp_path / name).exists() for name in re.findall('<img[^>]* src="([^"]+)"', page))
 
 
 @pytest.mark.longest

@@ -23,7 +23,7 @@ def test_intervals_over_several_cities_are_those_of_whole_cities(monkeypatch, ta
     values["genie"] = values["genie_data"]
     metrics = (*tables.SHARES, "time_used", "return")
     flown = {name: columns | dict.fromkeys(metrics, one) for name, one in values.items()}
-    monkeypatch.setattr(tables, "_flown", lambda scenario: flown)
+    monkeypatch.setattr(tables, "flown_by", lambda scenario: flown)
     monkeypatch.setattr(tables, "_made_with", lambda name: "")
     shown = getattr(tables, table)("any").replace("\xa0", " ")
     intervals = re.findall(r"50\.0 (?:% )?\(([^)]+)\)", shown)

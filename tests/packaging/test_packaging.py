@@ -1,5 +1,6 @@
 """What wheel and sdist contain, the pinned versions, types."""
 
+import json
 import re
 import subprocess
 import sys
@@ -46,6 +47,12 @@ def test_every_dependency_is_pinned():
     wanted = [*project["dependencies"], *(one for extra in extras for one in extra)]
     names = {re.match(r"[\w.\-]+", one)[0] for one in wanted} - {"uavdh-lite"}
     assert names <= set(pins("environment.txt"))
+
+
+def test_the_version_is_the_same_wherever_it_stands():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert json.loads((ROOT / "codemeta.json").read_text())["version"] == version
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
 
 
 @pytest.mark.long

@@ -88,7 +88,7 @@ def demo(
     Arguments:
         episodes: number of random missions.
         out: the figure, by default demo.png.
-        seed: seed of the missions and the fading, by default that of the README's table.
+        seed: seed of the missions and the fading, by default that of the ladder in the results.
     """
     out = output(out, "demo.png")
     figure = Figure(figsize=(11, 13), layout="constrained")
@@ -111,7 +111,7 @@ def demo(
     plotting.add_legend(figure, devices=5)
     plotting.save_figure(figure, out)
     print(f"The first flights over each map are drawn in {out}.")
-    print("The agents are those of one training each; the README has the means of all.")
+    print("The agents are those of one training each; the results have the means of all.")
     print("The paper's maps were never published as files. Ours are redrawn from its text, so the")
     print("agents solve the same task, but in other streets.")
 
