@@ -1,4 +1,4 @@
-"""The replication article, the page of claims: HTML, and PDF where pandoc and Typst or LaTeX are.
+"""The article of the replication, the page of claims: HTML, and where pandoc is, PDF.
 
     python docs/article.py [FOLDER]
 

@@ -19,7 +19,8 @@ def test_it_is_short_and_its_pictures_are_light():
     assert len(README.split()) <= 700
     pictures = re.findall(r"!\[[^\]]+\]\(([^)]+)\)|<img src=\"([^\"]+)\"", README)
     pictures = ["".join(names) for names in pictures]
-    assert len(pictures) > 2 and all((ROOT / picture).stat().st_size < 1_000_000 for picture in pictures)
+    assert len(pictures) > 2
+    assert all((ROOT / picture).stat().st_size < 1_000_000 for picture in pictures)
 
 
 def test_its_chart_shows_the_numbers_of_the_ladder():
