@@ -10,13 +10,14 @@ other missions (`runs_interval`).
 The genie takes longest, so it flies fewer missions of the seed, which greedy and the teacher fly,
 too. They are drawn together, so they are not the first ones of the others.
 
-Writes `data/runs/ladder.csv.gz`, a row for each map and way, and `ladder.json`.
+Writes `data/runs/ladder.csv.gz`, a row for each map and way, `ladder.json`, and every mission of
+every agent and rule, `ladder-missions.npz`: by `MAP|WAY`, (metrics, agents, missions) floats.
 """
 
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import permutations
+from itertools import permutations, product
 from pathlib import Path
 
 import joblib
@@ -32,10 +33,11 @@ from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.provenance import provenance
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.storage import write_json, write_table
+from uavdh_lite.storage import write_atomically, write_json, write_table
 
 DATA = Path(__file__).parents[1] / "data"
 AGENTS, OUT = DATA / "agents", DATA / "runs" / "ladder.csv.gz"
+FLOWN = OUT.with_name("ladder-missions.npz")
 MISSIONS, SEED = {False: 3000, True: 200}, 50_000  # fewer where the genie flies
 MAPS = ("manhattan", "open_field")
 METRICS = ("landed", "collected", "collected_and_landed", "return", "time_used")
@@ -122,8 +124,8 @@ def policies(row: Row, scenario: str) -> list[str]:
     return [str(path.relative_to(DATA.parent)) for path in files]
 
 
-def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np.ndarray], int]:
-    """The records of one policy over a map, (missions,) each, and the steps that an agent made."""
+def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[np.ndarray, int]:
+    """The records of one policy over a map, (metrics, missions), and an agent's training steps."""
     torch.set_num_threads(1)
     environment, steps = environment_of(scenario), 0
     if row.policy:
@@ -133,7 +135,7 @@ def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np
         policy = agent.over(environment.cities)
         environment, steps = policy.environment, agent.training["steps"]
     records = evaluate(environment, policy, find_scenario(scenario), missions, SEED).records()
-    return {metric: records[metric] for metric in METRICS}, steps
+    return np.array([records[metric] for metric in METRICS], np.float32), steps
 
 
 def runs_interval(values: np.ndarray) -> Interval:
@@ -159,11 +161,15 @@ def runs_interval(values: np.ndarray) -> Interval:
     return Interval(float(mean), float(mean - half), float(mean + half))
 
 
-def summary(flown: list[dict[str, np.ndarray]], greedy: dict[str, np.ndarray]) -> dict[str, float]:
-    """Means of a row, and what it is ahead of greedy on the same missions, with intervals."""
-    values = {metric: np.stack([records[metric] for records in flown]) for metric in METRICS}
+def summary(flown: np.ndarray, greedy: np.ndarray) -> dict[str, float]:
+    """Means of a row, and what it is ahead of greedy on the same missions, with intervals.
+
+    Both are (metrics, agents, missions); greedy has one agent.
+    """
+    values = dict(zip(METRICS, flown, strict=True))
     for metric in COMPARED:
-        values[f"{metric}_ahead"] = values[metric] - greedy[metric]
+        i = METRICS.index(metric)
+        values[f"{metric}_ahead"] = flown[i] - greedy[i]
     return {
         name + end: number
         for name, value in values.items()
@@ -187,17 +193,21 @@ def main() -> None:
     )
     flown, made = {}, {}
     for (row, _, scenario), (records, steps) in zip(grid, results, strict=True):
-        flown.setdefault((scenario, row.name), []).append(records)
-        made.setdefault((scenario, row.name), []).append(steps)
-    rows = [
-        {"scenario": scenario, "row": row.name, "seeds": len(flown[scenario, row.name])}
-        | {"missions": MISSIONS[row.slow], "steps": int(np.mean(made[scenario, row.name]))}
-        | {f"knows_{what}": int(what in row.knows) for what in KNOWS}
-        | summary(flown[scenario, row.name], flown[scenario, "greedy" + "_again" * row.slow][0])
-        for scenario in MAPS
-        for row in ROWS
-        if scenario in row.maps
-    ]
+        flown.setdefault(f"{scenario}|{row.name}", []).append(records)
+        made.setdefault(f"{scenario}|{row.name}", []).append(steps)
+    missions = {way: np.stack(records, axis=1) for way, records in flown.items()}
+    write_atomically(FLOWN, lambda path: np.savez_compressed(path, **missions))
+    rows = []
+    for scenario, row in product(MAPS, ROWS):
+        if scenario in row.maps:
+            way, greedy = f"{scenario}|{row.name}", f"{scenario}|greedy" + "_again" * row.slow
+            _, seeds, number = missions[way].shape
+            rows.append(
+                {"scenario": scenario, "row": row.name, "seeds": seeds, "missions": number}
+                | {"steps": int(np.mean(made[way]))}
+                | {f"knows_{what}": int(what in row.knows) for what in KNOWS}
+                | summary(missions[way], missions[greedy])
+            )
     write_table(OUT, rows)
     agents = {on: [name for row, name, its in grid if its == on and row.agents] for on in MAPS}
     about = {"command": "python benchmarks/ladder.py", "seed": SEED, "agents": agents}

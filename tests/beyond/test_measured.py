@@ -191,6 +191,16 @@ def test_a_place_needs_its_own_table(model, tmp_path):
         load_place(path)
 
 
+def test_a_place_is_flown_over_another_channel_but_not_at_another_altitude():
+    weak = load_place("munich", Channel(cell_edge_snr_db=-25.0))
+    assert weak.channel.cell_edge_snr_db == -25
+    usual, known = load_place("munich").mean_snr_db, np.isfinite(weak.mean_snr_db)
+    np.testing.assert_allclose(usual[known] - weak.mean_snr_db[known], 10, rtol=1e-4)
+    for other in ({"altitude_m": 20.0}, {"cell_size_m": 5.0}):
+        with pytest.raises(InputError, match=r"munich\.npz: its (altitude|cell_size)_m are 10"):
+            load_place("munich", Channel(**other))
+
+
 def test_a_table_of_another_city_is_refused_and_zones_may_be_painted(tmp_path):
     """By the buildings, whatever the files are called."""
     places, path = data_folder() / "places", tmp_path / "town.png"

@@ -95,14 +95,15 @@ def shipped_places() -> list[str]:
     return sorted(path.stem for path in (data_folder() / "places").glob("*.npz"))
 
 
-def load_place(name: str | Path) -> MeasuredEnvironment:
+def load_place(name: str | Path, channel: Channel | None = None) -> MeasuredEnvironment:
     """A shipped place by its name, or a city's PNG with its table of gains beside it, `.npz`.
 
-    Raises `CityError` or `InputError` that names the file if one of the two cannot be used, or if
-    the table says that it was made over other buildings, cells or altitudes.
+    The channel, by default the paper's, has the transmit power, the fading and the slots. Raises
+    `CityError` or `InputError` that names the file if one of the two cannot be used, or if the
+    table says that it was made over other buildings, or for another cell size or altitude.
     """
     path = data_folder() / "places" / f"{name}.png" if name in shipped_places() else Path(name)
-    table, channel = path.with_suffix(".npz"), Channel()
+    table, channel = path.with_suffix(".npz"), channel or Channel()
     city, (gain_db, about) = City.load(path), load_gains(table)
     right = {key: getattr(channel, key) for key in ("cell_size_m", "altitude_m")}
     right["buildings"] = buildings_fingerprint(city)
@@ -113,7 +114,8 @@ def load_place(name: str | Path) -> MeasuredEnvironment:
                 "table that belongs to it"
             )
     try:
-        return MeasuredEnvironment(city, mean_snr_db=levelled(SafeEnvironment(city), gain_db))
+        snr_db = levelled(SafeEnvironment(city, channel), gain_db)
+        return MeasuredEnvironment(city, channel, mean_snr_db=snr_db)
     except ValueError as error:
         raise InputError(f"{table}: not the gains of {path.name} ({error})") from None
 
