@@ -81,7 +81,7 @@ def corridor_scenario() -> Scenario:
 
 @pytest.fixture(scope="session")
 def quick() -> Recipe:
-    """`lite` with a small network and a short run."""
+    """`lite` with a small network, a short run and what else a recipe can have."""
     return replace(
         LITE,
         name="quick",
@@ -95,8 +95,10 @@ def quick() -> Recipe:
         environments=16,
         replay_capacity=2_000,
         replay_prefill=200,
-        temperature_decay=0.5,
-        movement_reward=-0.2,
+        temperature=2.0,
+        temperature_end=0.1,
+        exploring_starts=0.5,
+        amsgrad=False,
         crash_reward=-40.0,
         crash_reward_end=-40.0,
         validation_interval=1_000,
