@@ -48,11 +48,7 @@ from uavdh_lite.training import Trainer
 torch.set_num_threads(1)  # quickest for small networks
 
 scenario = find_scenario("village")
-# `lite` with a small network and cheaper crashes: it learns something in 16,000 steps
-normal = replace(find_recipe("lite"), steps=16_000, kernels=8, kernel_size=3, strides=(2, 2),
-                 hidden=(128, 128), learning_rate=2e-3, batch_size=64, environments=16,
-                 replay_capacity=40_000, replay_prefill=2_000, temperature=1.0, crash_reward=-5.0,
-                 crash_reward_end=-20.0, crash_reward_growth=0.75, validation_episodes=200)
+normal = replace(find_recipe("small"), steps=16_000)
 better = replace(normal, discount=0.99, learning_rate=4e-3)
 
 # %%
