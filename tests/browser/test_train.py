@@ -66,9 +66,10 @@ def until(page, holds):
 
 
 def test_it_learns_while_one_looks_and_python_loads_what_it_learned(page, tmp_path):
-    press(page, "Learn")  # over manhattan, which is too large: the village
+    turn(page, "steps", 0)  # over manhattan, which is too large: the village
     expect(page.locator("[data-set=city]")).to_have_value("village")
-    turn(page, "steps", 0)
+    until(page, lambda: steps(page) == 0)
+    press(page, "Learn")
     until(page, lambda: points(page) > 3)
     expect(page.locator(".map .values path")).to_have_count(52)  # where the UAV may fly
     before = page.locator(".map .values").inner_html()
@@ -92,7 +93,7 @@ def test_it_learns_while_one_looks_and_python_loads_what_it_learned(page, tmp_pa
     expect(page.locator("[data-set='policy-0']")).to_have_value("your agent")
     expect(page.locator(".refusal")).to_be_empty()
     page.get_by_role("tab", name="Train").click()
-    shown = int(re.search(r"lands (\d+) %", page.locator(".run").inner_text())[1])
+    shown = int(re.search(r"landed (\d+) %", page.locator(".graphs").inner_text())[1])
     assert flights.metrics()["landed"].mean == pytest.approx(shown / 100, abs=0.3)
 
 
@@ -104,7 +105,7 @@ def test_another_network_begins_anew_and_a_second_run_says_how_it_differs(page):
     press(page, "Step")
     until(page, lambda: steps(page) == 16)
 
-    press(page, "Second")
+    press(page, "Two runs")
     turn(page, "discount", 1)
     expect(page.locator(".run.orange small")).to_have_text("discount γ 0.5")
     until(page, lambda: steps(page, 1) > 0)
@@ -113,6 +114,11 @@ def test_another_network_begins_anew_and_a_second_run_says_how_it_differs(page):
     press(page, "frozen target")
     expect(page.locator(".run.orange small")).to_have_text("target rate τ frozen")
     until(page, lambda: steps(page) > 0)
+    assert len(re.findall(r"[^\W\d_]+", page.locator(".tool").inner_text())) <= 60
     press(page, "Stop")
-    press(page, "One")
+    page.get_by_role("tab", name="Compare").click()
+    both = page.locator("[data-set='policy-0'] option", has_text="your")
+    expect(both).to_have_text(["your agent", "your second agent"])
+    page.get_by_role("tab", name="Train").click()
+    press(page, "One run")
     expect(page.locator(".run")).to_have_count(1)

@@ -4,6 +4,7 @@ import { Greedy, Random, readAgent } from "../../uavdh_lite/labs/pilots.js";
 import {
   City,
   Environment,
+  HandFlight,
   Mission,
   lineOfSight,
   reward,
@@ -59,9 +60,14 @@ export function answer({ channel, cities, states, sight, agents, missions }) {
   });
   const flown = missions.map(({ scenario, city, seed }) => {
     const mission = Mission.draw(scenario, places[city].city, seed);
-    const flight = mission.fly(places[city], new Greedy(places[city]));
+    const [flight, { action: random }] = [new Greedy(places[city]), new Random(seed)].map(
+      (pilot) => {
+        const hand = new HandFlight(places[city], mission);
+        while (!hand.ended) hand.step(pilot.act(hand.state));
+        return hand.trajectory;
+      },
+    );
     const { action, reward } = flight;
-    const random = mission.fly(places[city], new Random(seed)).action;
     return { mission: mission.asJson(), action, reward, random, left: [...flight.dataLeft.at(-1)] };
   });
   return { stepped, seen, valued, flown };

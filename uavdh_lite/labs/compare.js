@@ -95,11 +95,8 @@ export const COMPARE = {
     "collected and landed",
   ],
   html(scene) {
-    const { panel, state, film } = scene;
+    const { panel, state } = scene;
     const { who, headline: head, cause: why, parting: part, many } = panel;
-    const colours = [0, 1].map((k) =>
-      chooser(["blue", "orange"][k], `policy-${k}`, state.known, state.policies[k], COLOURS[k]),
-    );
     const duel = (k, wanted) => button(`${escaped(who[k].title)} ahead`, { kind: "duel", wanted });
     const hand = state.policies.includes("you");
     const more = `<div class="row">Find: ${duel(0, 1)}${duel(1, -1)}</div>
@@ -108,39 +105,35 @@ export const COMPARE = {
       part === null
         ? ""
         : `<div class="row">${button(`Where they part: step ${part + 1}`, { show: part })}</div>`;
-    return `<h2 aria-live="polite">${escaped(head)}</h2><div class="row">${colours.join("")}</div>
-      ${chart(film, who, part)}<p class="why">${escaped(why)}</p>${look}
+    return `<h2 aria-live="polite">${escaped(head)}</h2>${chart(scene)}<p class="why">${escaped(why)}</p>${look}
       ${many ? hundred(many) : ""}${hand ? "" : more}`;
   },
+  maps: 2,
+  /** Both flights on each of two maps; where there is no room for the second, the first shows both. */
   over({ film, panel: { parting: part } }) {
     const scale = scaleOf(film.city.length);
     const ways = film.flights.map(({ path }, k) => way(path, k));
     const [row, col] = film.flights[0].path[part ?? 0];
     const ring = part === null ? "" : `<circle class="parting" cx="${col}" cy="${row}" r=".62"/>`;
-    const heard = COLOURS.map((colour) => `<path class="heard" style="--colour: ${colour}"/>`);
+    const heard = COLOURS.map(
+      (colour, k) => `<path class="heard of-${k}" style="--colour: ${colour}"/>`,
+    );
     const second = `<g class="uav second" style="--colour: ${COLOURS[1]}"><g transform="scale(${scale})">${UAV}</g></g>`;
     return `${ways.join("")}${ring}${heard.join("")}${second}`;
   },
   moment(stage, { film }, time) {
     film.flights.forEach((flight, k) => {
       const { place, served, now } = momentAt(flight, time);
-      if (k) stage.find(".second")?.setAttribute("transform", at(place));
+      if (k) stage.find(".second").setAttribute("transform", at(place));
       const [row, col] = film.devices[served]?.cell ?? place;
-      const flies = now > 0 && now < flight.path.length - 1;
-      const line = flies ? `M${col} ${row}L${place[1]} ${place[0]}` : "";
-      stage.el.querySelectorAll(".heard")[k]?.setAttribute("d", line);
+      const last = flight.path.length - 1;
+      const line = now > 0 && now < last ? `M${col} ${row}L${place[1]} ${place[0]}` : "";
+      for (const each of stage.el.querySelectorAll(`.heard.of-${k}`)) each.setAttribute("d", line);
+      const end = now === last ? `, ${flight.end}` : "";
+      const text = `${inHand(flight, Math.floor(time)).toFixed(1)} units${end}`;
+      stage.find(`.total-${k}`).textContent = text;
     });
-    const chart = stage.find(".chart");
-    const x = chart ? xOf(time, Number(chart.dataset.steps)) : 0;
-    chart?.querySelector(".now").setAttribute("d", `M${x} 14V${HEIGHT - 14}`);
-    film.flights.forEach((flight, k) => {
-      const text = chart?.querySelector(`.total-${k}`);
-      if (text) text.textContent = `${inHand(flight, Math.floor(time)).toFixed(1)} units`;
-    });
-  },
-  /** The step of a place on the chart. */
-  stepAt(chart, x) {
-    return ((x - LEFT) / (WIDTH - LEFT - RIGHT)) * Number(chart.dataset.steps);
+    stage.find(".chart .now").setAttribute("d", `M${time} -1V1`);
   },
 };
 
@@ -151,11 +144,9 @@ function way(path, k) {
     const [down, right] = [Math.sign(after[0] - before[0]), Math.sign(after[1] - before[1])];
     return `${col - (k ? -1 : 1) * SIDE * -down} ${row - (k ? -1 : 1) * SIDE * right}`;
   });
-  return `<path class="way" style="--colour: ${COLOURS[k]}" d="M${points.join("L")}"/>`;
+  return `<path class="way of-${k}" style="--colour: ${COLOURS[k]}" d="M${points.join("L")}"/>`;
 }
 
-const [WIDTH, HEIGHT, LEFT, RIGHT, MIDDLE] = [440, 230, 8, 8, 112];
-const xOf = (step, steps) => LEFT + ((WIDTH - LEFT - RIGHT) * step) / Math.max(steps, 1);
 const inHand = ({ left }, step, k = null) => {
   const now = left[Math.min(step, left.length - 1)];
   const each = now.slice(0, -1).map((amount, device) => left[0][device] - amount);
@@ -163,48 +154,39 @@ const inHand = ({ left }, step, k = null) => {
 };
 
 /** The data in hand of both over time, by device: the first upwards, the second downwards. */
-function chart({ flights, devices }, who, part) {
-  const steps = Math.max(...flights.map(({ path }) => path.length - 1));
+function chart({ film: { flights, devices }, panel: { who, parting: part }, state }) {
+  const steps = Math.max(...flights.map(({ path }) => path.length - 1), 1);
   const all = flights[0].left[0].slice(0, -1).reduce((total, each) => total + each, 0);
   const areas = flights.map((flight, k) => {
-    const y = (amount) => MIDDLE + (k ? 1 : -1) * (3 + ((MIDDLE - 20) * amount) / all);
     const times = [...flight.path.keys()];
+    const line = (amounts) =>
+      amounts.map((amount, step) => `${step} ${((k ? 1 : -1) * amount) / all}`);
     let below = times.map(() => 0);
     const layers = devices.map(({ colour }, device) => {
       const top = below.map((amount, step) => amount + inHand(flight, step, device));
-      const line = (amounts) => amounts.map((amount, step) => `${xOf(step, steps)} ${y(amount)}`);
       const d = `M${line(top).join("L")}L${line(below).reverse().join("L")}z`;
       below = top;
       return `<path d="${d}" fill="${colour}" class="end-${flight.end}"/>`;
     });
-    const [last, end] = [times.length - 1, { landed: "◆", crashed: "✸" }[flight.end] ?? ""];
-    const name = `<text x="${LEFT + 4}" y="${k ? HEIGHT - 4 : 12}" fill="${COLOURS[k]}">${escaped(who[k].title)}
-      <tspan class="total-${k}" dx="8"></tspan></text>`;
-    return `${layers.join("")}<text class="end" x="${Math.min(xOf(last, steps), WIDTH - 8)}" y="${y(below.at(-1)) + (k ? 12 : -3)}">${end}</text>${name}`;
+    return layers.join("");
   });
-  const parts =
-    part === null ? "" : `<path class="parts" d="M${xOf(part, steps)} 16V${HEIGHT - 16}"></path>`;
+  const parts = part === null ? "" : `<path class="parts" d="M${part} -1V1"/>`;
   const told = flights.map((flight, k) => `${who[k].title}: ${flight.ending}`).join(" ");
-  return `<svg class="chart" viewBox="0 0 ${WIDTH} ${HEIGHT}" data-steps="${steps}" role="img" aria-label="data in hand over time. ${escaped(told)}">
-    <path class="axis" d="M${LEFT} ${MIDDLE}H${WIDTH - RIGHT}"/>${areas.join("")}${parts}<path class="now"/>
-    <text class="about" x="${WIDTH - RIGHT}" y="${HEIGHT - 4}">data in hand, ${steps} steps</text></svg>`;
+  const name = (k, more = "") => `<figcaption>
+    ${chooser(["blue", "orange"][k], `policy-${k}`, state.known, state.policies[k], COLOURS[k])}
+    <b class="total-${k}"></b>${more}</figcaption>`;
+  return `<figure class="chart">${name(0)}<svg viewBox="0 -1 ${steps} 2" preserveAspectRatio="none" role="img"
+    aria-label="data in hand over time. ${escaped(told)}">${areas.join("")}
+    ${parts}<path class="now"/></svg>${name(1, `<small>data in hand, ${steps} steps</small>`)}</figure>`;
 }
 
 const points = (mean) => `${mean < 0 ? "−" : "+"}${Math.abs(mean).toFixed(1)}`;
 /** What both bring home from a hundred missions, and the difference, with their intervals. */
 function hundred({ rows, difference: [mean, low, high] }) {
-  const least = Math.max(0, 10 * Math.floor(Math.min(...rows.map(({ both }) => both[1])) / 10 - 1));
-  const x = (percent) => 130 + (260 * (percent - least)) / (100 - least);
   const row = ({ who, both: [middle, from, to] }, k) =>
-    `<g stroke="${COLOURS[k]}" fill="${COLOURS[k]}"><text x="4" y="${20 + 24 * k}" stroke="none">${escaped(who.title)}</text>
-      <path d="M${x(from)} ${16 + 24 * k}H${x(Math.min(to, 100))}" stroke-width="3"/><circle cx="${x(middle)}" cy="${16 + 24 * k}" r="5"/>
-      <text x="${WIDTH - 4}" y="${20 + 24 * k}" stroke="none" text-anchor="end">${middle.toFixed(1)}</text></g>`;
-  const ticks = [least, 100].map(
-    (tick) =>
-      `<path class="axis" d="M${x(tick)} 4V56"/><text class="about" x="${x(tick)}" y="70">${tick} %</text>`,
-  );
+    `<div class="hand" style="--colour: ${COLOURS[k]}; --from: ${from}%; --share: ${to}%">
+      <span>${escaped(who.title)}</span><i></i><output>${middle.toFixed(1)} %</output></div>`;
   const open = low < 0 && high > 0 ? ": they may be level" : "";
   return `<div class="many" role="status"><p>Over 100 missions drawn just now, ${escaped(rows[0].who.subject)} has ${points(mean)} points
-    (${points(low)} to ${points(high)}) of collected and landed${open}.</p>
-    <svg viewBox="0 0 ${WIDTH} 74" role="img" aria-label="means with 95 % intervals">${ticks.join("")}${rows.map(row).join("")}</svg></div>`;
+    (${points(low)} to ${points(high)}) of collected and landed${open}.</p>${rows.map(row).join("")}</div>`;
 }

@@ -1,6 +1,5 @@
 // What hands do on the stage: pointers, keys, files that are dropped.
 
-import { COMPARE } from "./compare.js";
 import { ARROWS, WAYS } from "./fly.js";
 import { brush } from "./paint.js";
 import { TOOLS } from "./tools.js";
@@ -58,10 +57,10 @@ export function attend(stage) {
     stage.point();
   };
   const seek = ({ target, clientX, buttons }) => {
-    const chart = target.closest?.(".chart");
+    const chart = target.closest?.(".chart svg");
     if (!chart || !buttons) return;
     const { x } = new DOMPoint(clientX, 0).matrixTransform(chart.getScreenCTM().inverse());
-    stage.seek(COMPARE.stepAt(chart, x));
+    stage.seek(x);
   };
   main.addEventListener("pointerdown", seek);
   main.addEventListener("pointermove", seek);

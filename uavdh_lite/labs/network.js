@@ -18,40 +18,39 @@ class Weights {
 }
 
 /**
- * c = a · bᵀ, of which a has `rows` and b `cols` rows of `inner` numbers. Two rows by four are
- * summed at once, so that what is read serves several sums; where rows end, the last comes again.
- * Each sum is a variable of its own, because engines make fast code of that alone.
+ * c[i, j] = c0[j] + Σ a[i, k] b[j, k] over `inner` values of k. Of a and b the steps are told, from
+ * one i or j to the next and from one k to the next, so that either may be transposed. Two rows by
+ * four are summed at once, so that what is read serves several sums; where rows end, the last comes
+ * again. Each sum is a variable of its own, because engines make fast code of that alone.
  */
-function product(a, b, c, rows, cols, inner) {
+function product([a, ai, ak], [b, bj, bk], c, rows, cols, inner, c0 = null) {
   for (let j = 0; j < cols; j += 4) {
-    const [j1, j2, j3] = [
-      Math.min(j + 1, cols - 1),
-      Math.min(j + 2, cols - 1),
-      Math.min(j + 3, cols - 1),
-    ];
-    const p = j * inner;
-    const q = j1 * inner;
-    const r = j2 * inner;
-    const s = j3 * inner;
+    const j1 = Math.min(j + 1, cols - 1);
+    const j2 = Math.min(j + 2, cols - 1);
+    const j3 = Math.min(j + 3, cols - 1);
+    const to1 = (j1 - j) * bj;
+    const to2 = (j2 - j) * bj;
+    const to3 = (j3 - j) * bj;
     for (let i = 0; i < rows; i += 2) {
       const below = Math.min(i + 1, rows - 1);
-      const first = i * inner;
-      const second = below * inner;
-      let s0 = 0;
-      let s1 = 0;
-      let s2 = 0;
-      let s3 = 0;
-      let t0 = 0;
-      let t1 = 0;
-      let t2 = 0;
-      let t3 = 0;
+      const down = (below - i) * ai;
+      let s0 = c0 ? c0[j] : 0;
+      let s1 = c0 ? c0[j1] : 0;
+      let s2 = c0 ? c0[j2] : 0;
+      let s3 = c0 ? c0[j3] : 0;
+      let t0 = s0;
+      let t1 = s1;
+      let t2 = s2;
+      let t3 = s3;
+      let p = i * ai;
+      let q = j * bj;
       for (let k = 0; k < inner; k++) {
-        const x = a[first + k];
-        const y = a[second + k];
-        const w0 = b[p + k];
-        const w1 = b[q + k];
-        const w2 = b[r + k];
-        const w3 = b[s + k];
+        const x = a[p];
+        const y = a[p + down];
+        const w0 = b[q];
+        const w1 = b[q + to1];
+        const w2 = b[q + to2];
+        const w3 = b[q + to3];
         s0 += x * w0;
         t0 += y * w0;
         s1 += x * w1;
@@ -60,6 +59,8 @@ function product(a, b, c, rows, cols, inner) {
         t2 += y * w2;
         s3 += x * w3;
         t3 += y * w3;
+        p += ak;
+        q += bk;
       }
       const above = i * cols;
       const under = below * cols;
@@ -75,11 +76,6 @@ function product(a, b, c, rows, cols, inner) {
   }
 }
 
-/** b = aᵀ, of which a has so many rows and columns. */
-function transpose(a, b, rows, cols) {
-  for (let i = 0; i < rows; i++) for (let j = 0; j < cols; j++) b[j * rows + i] = a[i * cols + j];
-}
-
 /** Fully connected; the first weights are Glorot's uniform ones. */
 class Linear {
   /** @param {{batch: number, generator: object | null}} how see `QNetwork` */
@@ -91,30 +87,24 @@ class Linear {
     this.weight = new Weights(`${name}.weight`, shape ?? [outputs, inputs], values, generator);
     this.bias = new Weights(`${name}.bias`, [outputs], zeros(outputs), generator);
     this.weights = [this.weight, this.bias];
-    if (!generator) return;
-    const sizes = { slopes: batch * inputs, columns: inputs * batch };
-    Object.assign(sizes, { turned: outputs * batch, across: inputs * outputs });
-    for (const [buffer, size] of Object.entries(sizes)) this[buffer] = zeros(size);
+    this.slopes = zeros(generator ? batch * inputs : 0);
   }
 
   forward(x, n) {
-    const { inputs, outputs, out, bias } = this;
-    product(x, this.weight.values, out, n, outputs, inputs);
-    for (let at = 0; at < n * outputs; at++) out[at] += bias.values[at % outputs];
+    const { inputs, outputs, out, weight, bias } = this;
+    product([x, inputs, 1], [weight.values, inputs, 1], out, n, outputs, inputs, bias.values);
     this.x = x;
     return out;
   }
 
   backward(slopes, n) {
-    const { inputs, outputs, columns, turned, across, weight } = this;
-    transpose(this.x, columns, n, inputs);
-    transpose(slopes, turned, n, outputs);
-    transpose(weight.values, across, outputs, inputs);
-    product(turned, columns, weight.gradient, outputs, inputs, n);
+    const { inputs, outputs, weight } = this;
+    product([slopes, 1, outputs], [this.x, 1, inputs], weight.gradient, outputs, inputs, n);
     const bias = this.bias.gradient.fill(0);
-    for (let at = 0; at < n * outputs; at++) bias[at % outputs] += slopes[at];
+    for (let row = 0; row < n; row++)
+      for (let k = 0; k < outputs; k++) bias[k] += slopes[row * outputs + k];
     if (this.first) return null; // nothing is before it
-    product(slopes, across, this.slopes, n, inputs, outputs);
+    product([slopes, outputs, 1], [weight.values, 1, inputs], this.slopes, n, inputs, outputs);
     return this.slopes;
   }
 }
@@ -150,17 +140,17 @@ class Convolution {
   /** @param {(channel: number, cell: number) => number} at where the map has it */
   constructor(name, channels, width, { kernels, kernel_size: side }, stride, how, at) {
     this.width = Math.floor((width - side) / stride) + 1;
-    this.places = this.width ** 2;
+    this.places = this.width * this.width; // of ** engines keep floats, which index slowly
+    const area = side * side;
     const under = [];
     for (let place = 0; place < this.places; place++) {
       const corner =
         Math.floor(place / this.width) * stride * width + (place % this.width) * stride;
       for (let channel = 0; channel < channels; channel++)
-        for (let tap = 0; tap < side ** 2; tap++)
+        for (let tap = 0; tap < area; tap++)
           under.push(at(channel, corner + Math.floor(tap / side) * width + (tap % side)));
     }
-    const area = side ** 2;
-    this.gather = new Gather(under, channels * width ** 2, how);
+    this.gather = new Gather(under, channels * width * width, how);
     const rows = { ...how, batch: how.batch * this.places };
     const fan = [channels * area, kernels * area];
     const shape = [kernels, channels, side, side];
@@ -193,9 +183,10 @@ class LayerNorm {
     for (let row = 0; row < n; row++) {
       const there = row * units;
       let [mean, variance] = [0, 0];
-      for (let k = 0; k < units; k++) mean += x[there + k] / units;
-      for (let k = 0; k < units; k++) variance += (x[there + k] - mean) ** 2 / units;
-      scale[row] = 1 / Math.sqrt(variance + 1e-5);
+      for (let k = 0; k < units; k++) mean += x[there + k];
+      mean /= units;
+      for (let k = 0; k < units; k++) variance += (x[there + k] - mean) ** 2;
+      scale[row] = 1 / Math.sqrt(variance / units + 1e-5);
       for (let k = 0; k < units; k++) {
         normal[there + k] = (x[there + k] - mean) * scale[row];
         out[there + k] = normal[there + k] * weight.values[k] + bias.values[k];
@@ -214,12 +205,12 @@ class LayerNorm {
         const [slope, own] = [slopes[there + k], normal[there + k]];
         bias[k] += slope;
         gradient[k] += slope * own;
-        mean += (slope * weight.values[k]) / units;
-        along += (slope * weight.values[k] * own) / units;
+        mean += slope * weight.values[k];
+        along += slope * weight.values[k] * own;
       }
       for (let k = 0; k < units; k++) {
         const slope = slopes[there + k] * weight.values[k];
-        this.slopes[there + k] = scale[row] * (slope - mean - normal[there + k] * along);
+        this.slopes[there + k] = scale[row] * (slope - (mean + normal[there + k] * along) / units);
       }
     }
     return this.slopes;
@@ -264,7 +255,7 @@ export class QNetwork {
       const layers = [];
       let before = channels;
       strides.forEach((stride, k) => {
-        const cells = side ** 2;
+        const cells = side * side;
         const at = (channel, cell) => (k ? cell * kernels + channel : channel * cells + cell);
         const name = `convolutions.${pooling ? `${branch}.` : ""}${2 * k}`;
         const layer = new Convolution(name, before, side, recipe, stride, how, at);
@@ -272,7 +263,7 @@ export class QNetwork {
         [side, before] = [layer.width, kernels];
       });
       layers[0].linear.first = true;
-      const places = side ** 2; // those of a kernel follow one another
+      const places = side * side; // those of a kernel follow one another
       const turned = Array.from(
         { length: kernels * places },
         (_, k) => (k % places) * kernels + Math.floor(k / places),

@@ -48,8 +48,8 @@ function reasonOf(error) {
  * An agent that is read from its bytes when it is first needed.
  * @param {City | null} of the city that it was made for; null if for all up to its size
  */
-function shelved({ title, given = false, size, scores, base64, read }, of) {
-  const subject = `the ${given ? "agent " : ""}${title}`;
+function shelved({ title, given = false, subject, size, scores, base64, read }, of) {
+  subject ??= `the ${given ? "agent " : ""}${title}`;
   const knows = (city) => (of ? of.sameAs(city) : city.size <= size);
   return {
     ...{ title, subject, scores, given, of, knows },
@@ -476,13 +476,15 @@ export class Session {
       const none = clear || (!next.away.length && !Object.keys(next.moved).length && !next.time);
       this.extra = { ...this.extra, whatIf: none ? UNCHANGED : next };
     },
-    /** Takes the agent of a run in Train as it is now, in place of the one before. */
-    learned({ which, agent, step }) {
-      const read = new Agent(agent.about, agent.tensors);
+    /** Takes the agents of the runs in Train as they are now; the chosen one is shown there. */
+    learned({ which, agents, step }) {
+      for (const [k, { about, tensors }] of agents.filter(([, agent]) => agent)) {
+        const [title, read] = [LEARNERS[k], new Agent(about, tensors)];
+        const told = { title, subject: title, given: true, size: read.size, read };
+        this.agents[title] = shelved(told, read.city);
+        this.hangar.forget(title);
+      }
       this.learns = LEARNERS[which];
-      const told = { title: this.learns, given: true, size: read.size, read };
-      this.agents[this.learns] = shelved(told, read.city);
-      this.hangar.forget(this.learns);
       this.extra = {};
       if (this.learner && this.stage.tool === "train") this.does.values.call(this, { step });
     },

@@ -200,7 +200,8 @@ export function draw(el, model) {
       : `<details class="signs"><summary>Signs and words</summary>${legend(film)}<dl>${words.join("")}</dl></details>`;
     stage.fill(".tool", `${tool.html(scene, stage)}${signs}`);
     find(".map .under").innerHTML = tool.under?.(scene) ?? "";
-    find(".map .over").innerHTML = `${tool.over?.(scene) ?? ""}<path class="cursor"/>`;
+    for (const over of el.querySelectorAll(".map .over"))
+      over.innerHTML = `${tool.over?.(scene) ?? ""}<path class="cursor"/>`;
     find("[data-set=city]").innerHTML = options(
       state.cities.map((each) => [each, each]),
       state.city,
@@ -223,12 +224,13 @@ export function draw(el, model) {
   }
 
   function drawMaps(film, tool) {
-    const shown = { ...film, flights: film.flights.slice(0, 1) };
+    const shown = { ...film, flights: film.flights.slice(0, TOOLS[tool].maps ?? 1) };
     const still = Boolean(TOOLS[tool].still?.(scene));
     if (still) shown.flights = shown.flights.map(atStart);
     el.classList.toggle("still", still);
     find(".stages").innerHTML = flightPanels(shown);
     update = showing(find(".flights"), shown);
+    find(".flight + .flight")?.toggleAttribute("inert", true); // what is moved is moved on the first
     const cursor = TOOLS[tool].cursor;
     const map = find(".map svg");
     map.setAttribute("role", cursor ? "application" : "group");
@@ -317,6 +319,7 @@ export function draw(el, model) {
     story = caption;
     const [tool, text] = STORY[story];
     stage.ask({ kind: "tool", tool, story: tool !== "fly" });
+    find(".main").scrollTop = 0; // on a phone
     find(".caption").hidden = false;
     find(".told").textContent = text;
     find(".go").textContent = story === STORY.length - 1 ? "Fly" : "Next";

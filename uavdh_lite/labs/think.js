@@ -50,7 +50,7 @@ function causes({ devices, time }, best) {
   return told.length
     ? `It would choose ${listed(told)}.`
     : devices.length
-      ? "No single device decides: without any one of them it chooses the same."
+      ? "Without any one device it chooses the same."
       : "";
 }
 
@@ -73,7 +73,7 @@ export const THINK = {
       const there = away || whatIf.moved[k];
       const told = { kind: "whatIf", device: k, away: !there };
       return `<tr style="--colour: ${colour}"><th scope="row">device ${number}</th><td><i class="worth" data-worth="${k}"></i></td>
-        <td class="amount" data-amount="${k}"></td><td>${button(there ? "put back" : "take away", told, `class="try-${k}" aria-label="${there ? "put back" : "take away"} device ${number}"`)}</td></tr>`;
+        <td class="amount" data-amount="${k}"></td><td>${button(there ? "with" : "without", told, `class="try-${k}" aria-label="${there ? "with" : "without"} device ${number}"`)}</td></tr>`;
     };
     const look = (name, text) => `<label><input type="checkbox" data-set="${name}"
         ${state.looks[name] ? "checked" : ""}> ${text}</label>`;

@@ -25,16 +25,7 @@ const target = (text, target_update_rate, frozen = false) => [text, { target_upd
 const DIALS = {
   "learning rate": each("learning_rate", 0.0001, 0.0005, 0.001, 0.002, 0.005, 0.01),
   "discount γ": each("discount", 0, 0.5, 0.8, 0.9, 0.95, 0.99, 1),
-  "crash costs": stops(
-    "0",
-    crash(0),
-    "5 to 20",
-    crash(-5, -20),
-    "20",
-    crash(-20),
-    "150",
-    crash(-150),
-  ),
+  "crash costs": stops("0", crash(0), "5–20", crash(-5, -20), "20", crash(-20), "150", crash(-150)),
   "exploration β": each("temperature", 0.01, 0.03, 0.1, 0.3, 1, 3),
   target: stops("single", { double: false }, "double", { double: true }),
   "target rate τ": [
@@ -55,12 +46,13 @@ const TRIES = {
   "frozen target": [{}, { frozen: true }, "Its goals stand still. How far does it come?"],
   "no punishment": [{}, crash(0), "Crashing costs nothing. Will it come home?"],
   "memory of 64": [{}, { replay_capacity: 64 }, "It learns from the last four steps alone."],
-  "in place": [IN_PLACE, { ...IN_PLACE, ...SCALES }, "Nothing is centred. Do input scales help?"],
-  "γ 0.5": [
-    {},
-    { discount: 0.5 },
-    "Later rewards count little: three of four runs landed in about 30 % of missions.",
+  "not centred": [{}, IN_PLACE, "Orange sees the map in place."],
+  "not centred, scaled": [
+    SCALES,
+    { ...IN_PLACE, ...SCALES },
+    "Centred and in place, both with input scales.",
   ],
+  "γ 0.5": [{}, { discount: 0.5 }, "Later rewards count little."],
 };
 
 const share = (value) => `${Math.round(100 * value)} %`;
@@ -116,17 +108,17 @@ function hear(run, { kind, bytes, points, ...answer }) {
   offer();
 }
 
-/** Gives the session the agent of now, so that it flies; not while the one before is watched. */
+/** Gives the session the agents of now, so that they fly; not while those before are watched. */
 function offer() {
   const run = runs[chosen];
   if (!run?.agent || stage.clock.playing || (stage.scene.state.tool !== "train" && run.going))
     return;
   if (performance.now() - asked < 2000) return; // until it has answered
   asked = performance.now();
-  const { agent } = run;
+  const agents = runs.map(({ agent }, number) => [number, agent]);
   const step = Math.floor(stage.clock.time);
-  stage.model.send({ kind: "learned", which: chosen, agent, step, quiet: true });
-  run.agent = null;
+  stage.model.send({ kind: "learned", which: chosen, agents, step, quiet: true });
+  for (const each of runs) each.agent = null;
 }
 
 const doAll = (kind) => {
@@ -137,6 +129,7 @@ const doAll = (kind) => {
 function turn(name, place) {
   const fields = DIALS[name][place][1];
   const run = runs[chosen];
+  if (!run) return start(() => begin(0, { ...usual(), ...fields }, false));
   const dials = { ...run.dials, ...fields };
   if (Object.keys(fields).some((field) => ANEW.includes(field))) {
     begin(chosen, dials, run.going);
@@ -219,13 +212,12 @@ function frame() {
   bench = document.createElement("div");
   bench.addEventListener("click", press);
   bench.addEventListener("input", ({ target }) => turn(target.dataset.dial, Number(target.value)));
+  const tries = Object.keys(TRIES).map((name) => key("try", name, name));
+  const dials = Object.entries(DIALS).map(dial);
   bench.innerHTML = `<div class="row acts">${key("learn", "Learn")}${key("step", "Step")}${key("anew", "Anew")}
-      ${key("second", "Second")}${key("save", "Save")}</div>
-    <div class="runs"></div><div class="graphs"></div><div class="dials">${Object.entries(DIALS).map(dial).join("")}</div>
-    <div class="row tries"><span>Try</span>${Object.keys(TRIES)
-      .map((name) => key("try", name, name))
-      .join("")}</div>
-    <p class="word" role="status"></p>`;
+      ${key("second", "Two runs")}${key("save", "Save")}</div>
+    <div class="row tries"><span>Try</span>${tries.join("")}</div><p class="word" role="status"></p>
+    <div class="runs"></div><div class="graphs"></div><div class="dials">${dials.join("")}</div>`;
 }
 
 function draw() {
@@ -233,14 +225,13 @@ function draw() {
   const run = runs[chosen];
   const goes = runs.some(({ going }) => going);
   find("[data-act=learn]").textContent = goes ? "Stop" : "Learn";
-  find("[data-act=second]").textContent = runs.length > 1 ? "One" : "Second";
+  find("[data-act=second]").textContent = runs.length > 1 ? "One run" : "Two runs";
   for (const act of ["anew", "second", "save"]) find(`[data-act=${act}]`).disabled = !run;
   find(".runs").innerHTML = runs.map(lineOf).join("");
   find(".graphs").innerHTML = Object.keys(CURVES).map(graph).join("");
   for (const input of bench.querySelectorAll("[data-dial]")) {
     const dials = run?.dials ?? usual();
     input.value = stopOf(DIALS[input.dataset.dial], dials);
-    input.disabled = !run;
     const text = textOf(input.dataset.dial, dials);
     input.setAttribute("aria-valuetext", text);
     input.nextSibling.textContent = text;
@@ -268,8 +259,8 @@ function lineOf({ dials, steps, points, city }, number) {
       ? Object.keys(DIALS).filter((name) => textOf(name, dials) !== textOf(name, other.dials))
       : [];
   const differs = apart.map((name) => `${name} ${textOf(name, dials)}`).join(", ");
-  const says = point ? `lands ${share(point.landed)}, brings home ${share(point.home)}` : "";
-  const head = `<span class="key"></span><b>${grouped(steps)}</b> of ${grouped(dials.steps)} steps`;
+  const says = point ? `home ${share(point.home)}` : "";
+  const head = `<span class="key"></span><b>${grouped(steps)}</b> / ${grouped(dials.steps)}`;
   const choice = runs.length > 1 ? key("choose", head, number) : `<span>${head}</span>`;
   return `<div class="run ${RUNS[number]} ${number === chosen ? "on" : ""}">${choice}
     <span>${says}</span> <small>${escaped(differs)}</small></div>`;

@@ -302,8 +302,6 @@ export const NO_PATH = 32767; // stands for the number of moves where no path le
  * @property {boolean} intervened the safety controller replaced the action by hovering
  * @property {boolean} landed
  * @property {boolean} crashed the time ran out in this step without a landing
- *
- * @typedef {{act: (state: State) => number}} Policy
  */
 
 /** Whether the episode is over: landed, or no flying time left. */
@@ -594,13 +592,6 @@ export class Mission {
   /** A new generator of this mission's fading, as it is at the start. */
   fading() {
     return new Portable(Use.FADING, this.seed);
-  }
-
-  /** @param {Environment} environment  @param {Policy} policy  @returns {Trajectory} */
-  fly(environment, policy) {
-    const flight = new HandFlight(environment, this);
-    while (!flight.ended) flight.step(policy.act(flight.state));
-    return flight.trajectory;
   }
 
   /** What a mission's file holds. */
