@@ -2,7 +2,7 @@
 
 import { at, escaped, momentAt, scaleOf } from "../player.js";
 import { button, chooser, ramp, valued } from "./html.js";
-import { listed, signed } from "./words.js";
+import { listed, signed, upper } from "./words.js";
 import { ACTIONS } from "./world.js";
 
 const NONE = 0.05; // data units: all is collected
@@ -45,10 +45,11 @@ export function worths(state, valuesOf) {
 /** What an action is caused by: what, taken away alone, leads to another. */
 function causes({ devices, time }, best) {
   const other = devices.filter(({ action }) => action !== best);
-  const told = other.map(({ device, action }) => `without device ${device} ${ACTIONS[action]}`);
-  if (time !== best) told.push(`with ${SPARE} more units of time ${ACTIONS[time]}`);
+  const told = other.map(({ device, action }) => [`without device ${device}`, action]);
+  if (time !== best) told.push([`with ${SPARE} more units of time`, time]);
+  const chooses = ([why, action], k) => `${why} ${k ? "" : "it would choose "}${ACTIONS[action]}`;
   return told.length
-    ? `It would choose ${listed(told)}.`
+    ? upper(`${listed(told.map(chooses))}.`)
     : devices.length
       ? "Without any one device it chooses the same."
       : "";

@@ -41,18 +41,18 @@ const DIALS = {
   seed: each("seed", 0, 1, 2, 3, 4, 5, 6, 7, 8, 9),
 };
 
-/** Things to try: how the two runs differ from the usual one, and what to look for. */
+/** Things to try: how the two runs differ from the usual one, and what differs in words. */
 const TRIES = {
-  "frozen target": [{}, { frozen: true }, "Its goals stand still. How far does it come?"],
-  "no punishment": [{}, crash(0), "Crashing costs nothing. Will it come home?"],
-  "memory of 64": [{}, { replay_capacity: 64 }, "It learns from the last four steps alone."],
+  "frozen target": [{}, { frozen: true }, "Orange's target network stands still."],
+  "no punishment": [{}, crash(0), "A crash costs orange nothing. Who lands?"],
+  "memory of 64": [{}, { replay_capacity: 64 }, "Orange remembers four steps of each UAV."],
   "not centred": [{}, IN_PLACE, "Orange sees the map in place."],
   "not centred, scaled": [
     SCALES,
     { ...IN_PLACE, ...SCALES },
-    "Centred and in place, both with input scales.",
+    "Both scale inputs; orange is not centred.",
   ],
-  "γ 0.5": [{}, { discount: 0.5 }, "Later rewards count little."],
+  "γ 0.5": [{}, { discount: 0.5 }, "To orange, a reward halves with each step."],
 };
 
 const share = (value) => `${Math.round(100 * value)} %`;
