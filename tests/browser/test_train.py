@@ -93,7 +93,7 @@ def test_it_learns_while_one_looks_and_python_loads_what_it_learned(page, tmp_pa
     expect(page.locator("[data-set='policy-0']")).to_have_value("your agent")
     expect(page.locator(".refusal")).to_be_empty()
     page.get_by_role("tab", name="Train").click()
-    shown = int(re.search(r"landed (\d+) %", page.locator(".graphs").inner_text())[1])
+    shown = int(re.search(r"landed\s+(\d+) %", page.locator(".graphs").inner_text())[1])
     assert flights.metrics()["landed"].mean == pytest.approx(shown / 100, abs=0.3)
 
 

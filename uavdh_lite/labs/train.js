@@ -43,16 +43,12 @@ const DIALS = {
 
 /** Things to try: how the two runs differ from the usual one, and what differs in words. */
 const TRIES = {
-  "frozen target": [{}, { frozen: true }, "Orange's target network stands still."],
-  "no punishment": [{}, crash(0), "A crash costs orange nothing. Who lands?"],
-  "memory of 64": [{}, { replay_capacity: 64 }, "Orange remembers four steps of each UAV."],
+  "frozen target": [{}, { frozen: true }, "The orange target stands still."],
+  "no punishment": [{}, crash(0), "A crash costs orange nothing."],
+  "memory of 64": [{}, { replay_capacity: 64 }, "Orange remembers four steps a UAV."],
   "not centred": [{}, IN_PLACE, "Orange sees the map in place."],
-  "not centred, scaled": [
-    SCALES,
-    { ...IN_PLACE, ...SCALES },
-    "Both scale inputs; orange is not centred.",
-  ],
-  "γ 0.5": [{}, { discount: 0.5 }, "To orange, a reward halves with each step."],
+  "not centred, scaled": [SCALES, { ...IN_PLACE, ...SCALES }, "The same, with input scales."],
+  "γ 0.5": [{}, { discount: 0.5 }, "Orange halves rewards with each step."],
 };
 
 const share = (value) => `${Math.round(100 * value)} %`;
@@ -251,19 +247,16 @@ function slowly(run) {
 }
 
 /** How far a run has come, and by which dials it differs from the other. */
-function lineOf({ dials, steps, points, city }, number) {
-  const point = points.at(-1);
+function lineOf({ dials, steps }, number) {
   const other = runs[1 - number];
   const apart =
     other && number
       ? Object.keys(DIALS).filter((name) => textOf(name, dials) !== textOf(name, other.dials))
       : [];
   const differs = apart.map((name) => `${name} ${textOf(name, dials)}`).join(", ");
-  const says = point ? `home ${share(point.home)}` : "";
   const head = `<span class="key"></span><b>${grouped(steps)}</b> / ${grouped(dials.steps)}`;
   const choice = runs.length > 1 ? key("choose", head, number) : `<span>${head}</span>`;
-  return `<div class="run ${RUNS[number]} ${number === chosen ? "on" : ""}">${choice}
-    <span>${says}</span> <small>${escaped(differs)}</small></div>`;
+  return `<div class="run ${RUNS[number]} ${number === chosen ? "on" : ""}">${choice} <small>${escaped(differs)}</small></div>`;
 }
 
 function graph(name) {
