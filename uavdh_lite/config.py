@@ -5,8 +5,8 @@ What fits together is checked by the configuration itself, after `require`.
 
 import math
 import operator
-from dataclasses import MISSING, field, fields, is_dataclass
-from types import NoneType, UnionType
+from dataclasses import field, fields, is_dataclass
+from types import UnionType
 from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
@@ -18,8 +18,7 @@ BOUNDS = {
     "gt": ("above", operator.gt),
     "le": ("at most", operator.le),
 }
-NUMBERS = int, float
-NAMES = {int: "a whole number", float: "a number", bool: "True or False", str: "text"}
+PLAIN = bool, int, float, str
 
 
 def option(default: Any, help: str, **bounds: float) -> Any:
@@ -45,7 +44,7 @@ def require(config: Any, name: str) -> None:
         try:
             value = as_type(found, each.type)
         except (TypeError, OverflowError):
-            right = in_words(each.type)
+            right = each.type.__name__ if isinstance(each.type, type) else str(each.type)
         else:
             object.__setattr__(config, each.name, value)
             right = _right_bounds(value, each.metadata.get("bounds"))
@@ -64,7 +63,8 @@ def require_name(name: str, kind: str) -> None:
 
 def _right_bounds(value: Any, bounds: dict[str, float] | None) -> str:
     """What a value, or each number of a tuple, must be and is not; empty if it is all right."""
-    numbers = [n for n in (value if isinstance(value, tuple) else (value,)) if type(n) in NUMBERS]
+    values = value if isinstance(value, tuple) else (value,)
+    numbers = [n for n in values if type(n) in (int, float)]
     if bounds is None or not numbers:
         return ""
     if not all(math.isfinite(n) for n in numbers if type(n) is float):
@@ -95,22 +95,9 @@ def as_type(value: Any, hint: Any) -> Any:
         return float(value)
     elif isinstance(hint, type) and is_dataclass(hint) and isinstance(value, dict):
         return from_json(hint, value, hint.__name__.lower())
-    elif type(value) is hint or (hint not in NAMES and isinstance(value, hint)):
+    elif type(value) is hint or (hint not in PLAIN and isinstance(value, hint)):
         return value  # so True is no whole number
     raise TypeError
-
-
-def in_words(hint: Any) -> str:
-    """A type as an error says it, such as `a whole number or None`."""
-    parts = get_args(hint)
-    if isinstance(hint, UnionType):
-        return " or ".join("None" if part is NoneType else in_words(part) for part in parts)
-    if get_origin(hint) is Literal:
-        return " or ".join(parts)
-    if get_origin(hint) is tuple:
-        count = "any number" if parts[-1] is ... else str(len(parts))
-        return f"a tuple of {count}, each {in_words(parts[0])}"
-    return NAMES.get(hint) or f"a {hint.__name__}"
 
 
 def shown(value: Any) -> str:
@@ -121,11 +108,7 @@ def shown(value: Any) -> str:
 
 def from_json(config: type, values: Any, name: str) -> Any:
     """A configuration from JSON values; `InputError` names a field that is missing or unknown."""
-    if not isinstance(values, dict):
-        raise InputError(f"{name}: is {shown(values)}, must be an object with its fields by name")
-    missing = [f.name for f in fields(config) if f.default is MISSING and f.name not in values]
-    unknown = [key for key in values if key not in {f.name for f in fields(config)}]
-    if missing or unknown:
-        what = f"{missing[0]} is missing" if missing else f"{shown(unknown[0])} is no field of it"
-        raise InputError(f"{name}: {what}")
-    return config(**values)
+    try:
+        return config(**values)
+    except TypeError as error:
+        raise InputError(f"{name}: {error}") from None

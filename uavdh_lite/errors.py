@@ -44,8 +44,6 @@ def extra(name: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        package = (error.name or "").partition(".")[0]
-        if package == __package__:
-            raise  # a bug of ours, which no installation fixes
+        package = str(error.name).partition(".")[0]
         message = f"{package} is not installed: pip install 'uavdh-lite[{name}]'"
         raise MissingExtra(message) from None

@@ -105,24 +105,18 @@ export function playback(stage, update) {
     End: () => show(last),
   };
   // Before the page around hears of a key: in a notebook, most of them edit it
-  window.addEventListener(
-    "keydown",
-    function hear(event) {
-      if (!stage.isConnected) return window.removeEventListener("keydown", hear, true);
-      if (!stage.contains(event.target)) return;
-      if (event.key !== "Tab") event.stopPropagation();
-      const own = event.target.matches(
-        event.key === " "
-          ? "button, select, input:not([type=range])"
-          : "select, input:not([type=range])",
-      );
-      const other = own || event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented;
-      if (!keys[event.key] || other) return;
-      event.preventDefault();
-      keys[event.key]();
-    },
-    true,
-  );
+  function hear(event) {
+    if (!stage.isConnected) return window.removeEventListener("keydown", hear, true);
+    if (!stage.contains(event.target)) return;
+    if (event.key !== "Tab") event.stopPropagation();
+    const own = event.key === " " ? "button, select, input" : "select, input";
+    const other = event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented;
+    if (!keys[event.key] || other) return;
+    if (event.target.matches(`:is(${own}):not([type=range])`)) return; // it takes the key itself
+    event.preventDefault();
+    keys[event.key]();
+  }
+  window.addEventListener("keydown", hear, true);
   button.addEventListener("click", keys[" "]);
   find(".back").addEventListener("click", keys.ArrowLeft);
   find(".forward").addEventListener("click", keys.ArrowRight);
@@ -204,8 +198,7 @@ function shower(panel, film, flight) {
 // What happened in a step; for the last one, how the flight ended.
 function sentence({ devices }, { path, left, refused, ending }, { step, uploads }) {
   if (step === path.length - 1) return ending;
-  if (step === 0)
-    return `Starts with ${left[0].at(-1)} unit${left[0].at(-1) === 1 ? "" : "s"} of time.`;
+  if (step === 0) return `Starts with ${left[0].at(-1)} units of time.`;
   const [down, right] = [0, 1].map((axis) => path[step][axis] - path[step - 1][axis]);
   const action = refused[step - 1];
   let does = "hovers";
@@ -226,11 +219,7 @@ function aboutCell({ city, devices }, [row, col], { amounts }) {
     if (y === row && x === col) texts.push(`device ${number}, ${amounts[k].toFixed(1)} units left`);
   });
   const seen = devices.filter(({ hidden }) => hidden[row][col] === ".").map(({ number }) => number);
-  texts.push(
-    seen.length
-      ? `in sight of device${seen.length > 1 ? "s" : ""} ${seen.join(", ")}`
-      : "no device in sight",
-  );
+  texts.push(`devices in sight: ${seen.join(", ") || "none"}`);
   return `${texts.join("; ")}.`;
 }
 

@@ -80,7 +80,7 @@ def play(environment: Environment, trajectories: Trajectory | Mapping[str, Traje
     Arguments:
         trajectories: flights of one mission.
 
-    Raises `InputError` if there is no flight, or if missions or cities differ.
+    Raises `InputError` if their missions differ.
     """
     named = trajectories if isinstance(trajectories, Mapping) else {"": trajectories}
     return Player(film(environment, named))
@@ -100,10 +100,10 @@ def film(environment: Environment, flights: Mapping[str, Trajectory]) -> dict[st
 
     Raises `InputError` as `play` does.
     """
-    if not flights:
-        raise InputError("no flight to play: give one, or several with their names")
-    _require_mission(environment, list(flights.values()))
-    start = next(iter(flights.values())).start
+    start, *others = (flight.start for flight in flights.values())
+    for field, first in vars(start).items():
+        if not all(np.array_equal(first, getattr(other, field)) for other in others):
+            raise InputError(f"flights side by side are of one mission, but their `{field}` differ")
     city, size = environment.cities[start.city[0]], environment.size
     used = np.flatnonzero(start.data_initial[0] > 0)
     cells = start.device_cells[0, used]
@@ -125,20 +125,6 @@ def film(environment: Environment, flights: Mapping[str, Trajectory]) -> dict[st
             {"name": name, **_flight(flight, used, size)} for name, flight in flights.items()
         ],
     }
-
-
-def _require_mission(environment: Environment, flights: list[Trajectory]) -> None:
-    """Raise `InputError` unless all flights are of one mission in this environment."""
-    starts = [flight.start for flight in flights]
-    for field in ("city", "uav_cell", "device_cells", "data_initial", "time_left"):
-        first, *others = (getattr(start, field) for start in starts)
-        if not all(np.array_equal(first, other) for other in others):
-            raise InputError(f"flights side by side are of one mission, but their `{field}` differ")
-    city, flown = int(starts[0].city[0]), np.concatenate([flight.uav_cell for flight in flights])
-    cells = np.append(flown, starts[0].device_cells)
-    if cells.max() >= environment.size**2 or environment.no_fly[city, flown].any():
-        name = environment.cities[city].name
-        raise InputError(f"the flight does not fit {name}: is it over another city?")
 
 
 def _flight(flight: Trajectory, devices: np.ndarray, size: int) -> dict[str, Any]:

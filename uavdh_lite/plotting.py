@@ -22,7 +22,6 @@ from matplotlib.patheffects import withStroke
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import LAND, Environment, State
-from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.storage import write_atomically
 
@@ -132,14 +131,11 @@ def draw_rates(
         limits: of the colours, for maps that share a bar, which is then left to the caller; cells
             with less, or with nothing, are white.
     """
-    city = environment.cities[0]
+    city, (low, high) = environment.cities[0], limits or (None, None)
     rates = environment.rate_map(device[0] * environment.size + device[1])
-    scale, colours = LogNorm(), None
-    if limits:
-        rates = np.maximum(rates, limits[0] / 2)
-        scale, colours = LogNorm(*limits), WHITE_BELOW
-    shown = np.where(environment.no_fly[0].reshape(rates.shape), np.nan, rates)
-    picture = draw_city(ax, city).imshow(shown, colours, scale, zorder=1.5)
+    no_fly = environment.no_fly[0].reshape(rates.shape)
+    shown = np.where(no_fly, np.nan, np.maximum(rates, (low or 0) / 2))
+    picture = draw_city(ax, city).imshow(shown, WHITE_BELOW, LogNorm(low, high), zorder=1.5)
     ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
     if not limits:
         ax.figure.colorbar(picture, label="data units per slot, logarithmic scale")
@@ -204,19 +200,10 @@ def _draw_path(ax: Axes, path: np.ndarray, trajectory: Trajectory) -> None:
         if down or right:
             width = THIN + (THICK - THIN) * min(uploads.sum() / MUCH, 1)
             head = 2.5 * width + 0.15  # thin arrows keep a head that one can see
-            ax.arrow(
-                col - ASIDE * down,
-                row + ASIDE * right,  # y points south here
-                right,
-                down,
-                width=width,
-                head_width=head,
-                head_length=head,
-                length_includes_head=True,
-                color=colour,
-                linewidth=0,
-                zorder=4,
-            )
+            x, y = col - ASIDE * down, row + ASIDE * right  # y points south here
+            shape = {"width": width, "head_width": head, "head_length": head, "linewidth": 0}
+            shape |= {"length_includes_head": True, "zorder": 4}
+            ax.arrow(x, y, right, down, color=colour, **shape)
         elif trajectory.action[step] != LAND or trajectory.intervened[step]:
             hovered.setdefault((row, col), []).append(colour)
     for (row, col), colours in hovered.items():
@@ -349,14 +336,7 @@ def draw_maps(
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure to a file, atomically; the format follows the suffix.
-
-    Raises `InputError` if matplotlib has no format for that suffix.
-    """
-    formats = figure.canvas.get_supported_filetypes()
-    if Path(path).suffix.removeprefix(".").lower() not in formats:
-        known = ", ".join(sorted(formats))
-        raise InputError(f"{path}: no picture format has this suffix; choose one of {known}")
+    """Write a figure to a file, atomically; the format follows the suffix."""
     write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=150))
 
 
@@ -370,17 +350,15 @@ def pixels(figure: Figure) -> np.ndarray:
 def save_animation(city: City, trajectory: Trajectory, path: str | Path) -> None:
     """Write a flight as a GIF that plays in any browser, one frame per step, atomically."""
     figure = Figure(figsize=(5, 5.2), dpi=100, layout="constrained")
-    ax = draw_city(figure.subplots(), city)
-    ax.set(ylabel="", xticks=[], yticks=[])
-    ground, last = ax.get_children(), len(trajectory.action)
+    ax, last = figure.subplots(), len(trajectory.action)
 
     def draw(steps: int) -> None:
         names = ("uav_cell", "time_left", "data_left")
         begun = {name: getattr(trajectory, name)[: steps + 1] for name in names}
         flown = replace(trajectory, landed=trajectory.landed and steps == last, **begun)
-        for artist in set(ax.get_children()).difference(ground):
-            artist.remove()  # what the frame before has drawn
-        draw_flight(ax, city, flown, city.size).set_xlabel(caption(flown))
+        ax.clear()
+        draw_flight(draw_city(ax, city), city, flown, city.size)
+        ax.set(xlabel=caption(flown), ylabel="", xticks=[], yticks=[])
 
     frames = [*range(last + 1), *[last] * FRAMES_OF_THE_END]
     film = FuncAnimation(figure, draw, frames, init_func=lambda: None)

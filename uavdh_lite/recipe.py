@@ -144,12 +144,6 @@ class Recipe:
         return {"kind": type(self).__name__, **asdict(self)}
 
 
-registry.define("recipe", "a Recipe", lambda one: isinstance(one, Recipe))
-registry.define(
-    "recipe kind",
-    "a subclass of Recipe",
-    lambda one: isinstance(one, type) and issubclass(one, Recipe),
-)
 registry.register("recipe kind", "Recipe", Recipe)
 
 

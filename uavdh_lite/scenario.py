@@ -126,7 +126,6 @@ def nth_cell(mask: np.ndarray, index: np.ndarray) -> np.ndarray:
     return np.take_along_axis(cells, index, axis=1)
 
 
-registry.define("scenario", "a Scenario", lambda one: isinstance(one, Scenario))
 for scenario in (
     Scenario("manhattan"),
     Scenario("open_field", "open_field", devices=(2, 2), data=(1.0, 25.0)),

@@ -29,14 +29,13 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
 
     A reader of `path` sees the old file or the new one, never a part. If anything fails (a full
     disk, a folder that cannot be written), the old file stays as it was, the temporary file is
-    removed, and the caller gets the error. A link stays one: the file that it leads to is written.
+    removed, and the caller gets the error.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    named, path = path, Path(os.path.realpath(path))
     # The same folder, so that the rename stays within one file system; the same suffix, because
     # Pillow and matplotlib choose the format by it; not the name, which may leave no room for more.
-    temporary = path.parent / f".{secrets.token_hex(8)}.unfinished{named.suffix}"
+    temporary = path.parent / f".{secrets.token_hex(8)}.unfinished{path.suffix}"
     try:
         temporary.open("xb").close()  # like any new file: the umask says who may read it
         write(temporary)
@@ -46,21 +45,15 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):  # a full disk names no file, a closed folder the temporary
-            error.filename = str(named)
+            error.filename = str(path)
         raise
-
-
-def remove_unfinished(folder: Path) -> None:
-    """Remove what writes left behind that were killed; nobody else may be writing there."""
-    for path in folder.glob(".*.unfinished*"):
-        path.unlink()
 
 
 def write_table(path: str | Path, rows: list[dict]) -> None:
     """Write rows as CSV, compressed if the name ends in `.gz`.
 
     None is empty, and so is a column that other rows have and this one lacks. Floats keep six
-    digits. Equal rows give equal bytes, and a file that has them is left alone.
+    digits. Equal rows give equal bytes.
     """
     text = io.StringIO()
     writer = csv.DictWriter(text, dict.fromkeys(chain.from_iterable(rows)), lineterminator="\n")
@@ -70,8 +63,7 @@ def write_table(path: str | Path, rows: list[dict]) -> None:
     content = text.getvalue().encode()
     if _is_packed(path):
         content = gzip.compress(content, mtime=0)
-    if not Path(path).is_file() or Path(path).read_bytes() != content:
-        write_atomically(path, lambda temporary: temporary.write_bytes(content))
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
 
 def read_table(path: str | Path) -> dict[str, np.ndarray]:
@@ -81,17 +73,12 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
     """
     content = Path(path).read_bytes()
     try:
-        content = gzip.decompress(content) if _is_packed(path) else content
-        rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig")), strict=True))
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
+        text = (gzip.decompress(content) if _is_packed(path) else content).decode("utf-8-sig")
+        names, *rows = csv.reader(io.StringIO(text), strict=True)
+        columns = zip(*rows, strict=True)
+        return {name: _column(column) for name, column in zip(names, columns, strict=True)}
+    except (ValueError, OSError, EOFError, csv.Error, zlib.error) as error:
         raise InputError(f"{path}: not a table ({error})") from None
-    first = rows[0] if rows else []
-    if not first or len(set(first)) < len(first) or {*map(len, rows)} != {len(first)}:
-        said = "it needs a first row of names, all different, and rows of that length"
-        raise InputError(f"{path}: not a table: {said}")
-    names, *values = rows
-    columns = zip(*values, strict=True) if values else [()] * len(names)
-    return {name: _column(column) for name, column in zip(names, columns, strict=True)}
 
 
 def _is_packed(path: str | Path) -> bool:
@@ -112,7 +99,7 @@ def write_json(path: str | Path, values: dict) -> None:
 
 
 def read_json(path: str | Path) -> dict:
-    """The object in a JSON file, in UTF-8 or UTF-16, with a BOM or without; else `InputError`."""
+    """The object in a JSON file; `InputError` if it holds no such thing."""
     try:
         values = json.loads(Path(path).read_bytes())
     except (ValueError, RecursionError) as error:

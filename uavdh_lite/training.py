@@ -237,11 +237,6 @@ class Trainer:
         *before, (steps, score) = judged
         return steps == self.steps and score > max((s for _, s in before), default=-np.inf)
 
-    @property
-    def has_kept(self) -> bool:
-        """Whether an agent was kept so far."""
-        return self.finished or bool(self._judged())
-
     def _judged(self) -> list[tuple[int, float]]:
         """The steps of each agent that was judged, and its score; see `Recipe.kept_by`.
 

@@ -33,7 +33,7 @@ from uavdh_lite.city import load_cities, load_city, shipped_cities
 from uavdh_lite.course.checks import EXERCISES
 from uavdh_lite.course.exam import questions
 from uavdh_lite.evaluation import Interval, bootstrap_interval, mean_interval, paired_interval
-from uavdh_lite.experiments.comparison import breakdown, share
+from uavdh_lite.experiments.comparison import breakdown
 from uavdh_lite.missions import Mission
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.player import play
@@ -313,6 +313,16 @@ def lead(scenario: str) -> str:
     return _table(["agent", "metric", "minus greedy's", "as a share of the better genie's"], rows)
 
 
+def share(values: np.ndarray, reference: np.ndarray, groups: np.ndarray | None = None) -> Interval:
+    """The mean of `values` as a share of that of `reference`, over the same N episodes.
+
+    The 95 % interval keeps the two values of an episode together, and those of a group, such as
+    the missions of one city; it is that of the ratio's linear part (the delta method).
+    """
+    ratio = values.mean() / reference.mean()
+    return paired_interval(ratio + (values - ratio * reference) / reference.mean(), groups)
+
+
 def by_flying_time(scenario: str) -> str:
     """Collected and landed of agents, greedy and genie by the flying time that was drawn."""
     return _by(scenario, "flying time", lambda columns: columns["flying_time"])
@@ -330,7 +340,7 @@ def by_kind(scenario: str) -> str:
 
 def kind_of(city: np.ndarray) -> np.ndarray:
     """The kinds of random cities, (N,), from their names."""
-    return np.array([name.rsplit("_", 2)[0] for name in city.tolist()])
+    return np.array([name.rsplit("_", 2)[0].replace("_", " ") for name in city.tolist()])
 
 
 def _by(scenario: str, title: str, by: Callable[[dict[str, np.ndarray]], np.ndarray]) -> str:

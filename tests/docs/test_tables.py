@@ -38,3 +38,14 @@ def test_a_page_with_nothing_outstanding_must_not_say_so(monkeypatch, tmp_path):
     (tmp_path / "list.toml").write_text(study)
     with pytest.raises(ValueError, match="nothing is outstanding"):
         tables.outstanding()
+
+
+def test_a_share_pairs_the_episodes(generator):
+    reference = generator.uniform(1, 100, 200)
+    for groups in (None, np.arange(200) // 9):  # unpaired, it would be some 0.9 ± 0.1
+        exact = tables.share(0.9 * reference, reference, groups)
+        assert exact == pytest.approx((0.9, 0.9, 0.9))
+    values = 0.9 * reference + generator.normal(0, 5, 200)
+    noisy = tables.share(values, reference)
+    assert noisy.low < noisy.mean < noisy.high
+    assert noisy.mean == pytest.approx(values.sum() / reference.sum())

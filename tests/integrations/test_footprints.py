@@ -170,7 +170,9 @@ def test_what_cannot_be_used_is_named(made, other):
 def test_coordinates_elsewhere_or_swapped_are_said_to_lie_where_they_lie(made):
     for away, there in (([9, 51], "51.00000, 9.00000"), ([50, 8], r"8.00000, 50.00000")):
         corners = [away, [away[0] + 0.01, away[1]], [away[0], away[1] + 0.01], away]
-        with pytest.raises(InputError, match=rf"no building within 20 m .*between {there} and "):
+        with pytest.raises(
+            InputError, match=rf"no building .*between {there} and .*give a --centre"
+        ):
             made([feature("Polygon", [corners])])
 
 

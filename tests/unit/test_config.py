@@ -37,16 +37,14 @@ class Sample:
         ("limit", 0.0, "above 0"),
         ("free", math.nan, "a finite number"),
         ("width", math.inf, "a finite number"),
-        ("share", "0.5", "a number"),
-        ("share", True, "a number"),
-        ("counts", (1.5,), "a tuple of any number, each a whole number"),
-        ("counts", 3, "a tuple of any number, each a whole number"),
-        ("limit", "none", "a number or None"),
-        ("either", "no", "True or False"),
-        ("either", None, "True or False"),
-        ("pair", (1, 2, 3), "a tuple of 2, each a whole number"),
-        ("word", "three", "one or two"),
-        ("word", ["one"], "one or two"),
+        ("share", True, "float"),
+        ("counts", (1.5,), "tuple[int, ...]"),
+        ("counts", 3, "tuple[int, ...]"),
+        ("limit", "none", "float | None"),
+        ("either", None, "bool"),
+        ("pair", (1, 2, 3), "tuple[int, int]"),
+        ("word", "three", "typing.Literal['one', 'two']"),
+        ("word", ["one"], "typing.Literal['one', 'two']"),
     ],
 )
 def test_a_value_out_of_bounds_is_named(field, value, expected):
@@ -63,19 +61,13 @@ def test_bounds_are_inside_and_what_says_the_same_becomes_the_type_of_the_field(
     assert [type(value) for value in values] == [float, float, int, float, int, int]
 
 
-def test_a_long_value_is_cut():
-    with pytest.raises(InputError) as caught:
-        Sample(counts="a" * 1000)
-    assert len(str(caught.value)) < 200
-
-
 @pytest.mark.parametrize(
     ("values", "named"),
     [
-        ({"more": 1}, "'more' is no field"),
+        ({"more": 1}, ".* unexpected .*'more'"),
         ({"share": 2}, "share is 2"),
-        ({"share": 10**400}, "share is 1000"),
-        (3, "is 3, must be an object"),
+        ({"share": 10**400}, r"share is 10{76}…, must be float"),  # cut
+        (3, ".* must be a mapping"),
     ],
 )
 def test_a_file_is_read_or_its_field_is_named(values, named):

@@ -11,9 +11,3 @@ def test_a_missing_package_is_one_line_with_the_command_that_installs_it(monkeyp
         import onnx  # noqa: F401
     assert str(caught.value) == "onnx is not installed: pip install 'uavdh-lite[onnx]'"
     assert isinstance(caught.value, InputError) and isinstance(caught.value, ImportError)
-
-
-def test_a_module_of_ours_that_is_missing_is_a_fault():
-    with pytest.raises(ModuleNotFoundError) as caught, extra("gym"):
-        import uavdh_lite.nothing_like_it  # noqa: F401
-    assert not isinstance(caught.value, MissingExtra)

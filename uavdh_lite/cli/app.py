@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
-from uavdh_lite.cli.options import named
+from uavdh_lite.cli.options import named, output
 
 
 def app(
-    *, out: Annotated[Path, named(".html", ".htm")] = Path("labs.html"), browser: bool = True
+    *, out: Annotated[Path | None, named(".html", ".htm")] = None, browser: bool = True
 ) -> None:
     """Write the interactive labs, in which a UAV collects data over a city, into one file.
 
@@ -15,7 +15,7 @@ def app(
     frame of another page.
 
     Arguments:
-        out: the file.
+        out: the file, by default labs.html.
         browser: open it in a browser.
     """
     import sys
@@ -23,6 +23,7 @@ def app(
 
     from uavdh_lite.labs.page import write_page
 
+    out = output(out, "labs.html")
     write_page(out)
     print(f"labs: {out}", file=sys.stderr)
     if browser:

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import Parameter
 from cyclopts.types import NonNegativeInt, PositiveInt
 from matplotlib.figure import Figure
 
@@ -44,13 +43,6 @@ FLOWN = {  # in `demo`: the policy's name, from that of the city
 
 
 ChannelOptions = options_of(Channel(), "Channel")
-Views = Annotated[
-    Literal[1, 8],
-    Parameter(
-        help="With 8 the agent flies by the mean of what it sees in a map turned and mirrored, if "
-        "it has learned from all these views."
-    ),
-]
 
 
 def open_agent(checkpoint: str | None, city: str | City | None) -> tuple[str, Agent]:
@@ -123,7 +115,6 @@ def fly(
     mission: Path | None = None,
     save_mission: Annotated[Path | None, named(".json")] = None,
     seed: NonNegativeInt | None = None,
-    views: Views = 1,
     out: Annotated[Path | None, named(*PICTURES, ".gif", ".html")] = None,
 ) -> None:
     """Fly one mission and draw it: a random one, or that of a file.
@@ -138,12 +129,8 @@ def fly(
     if mission is not None and (city is not None or seed is not None):
         raise InputError("a mission has its own city and seed: leave out --city and --seed")
     out = output(out, "flight.png")
-    read = Path(city or "")
-    if city and out.exists() and read.exists() and any(map(read.samefile, (out, out.parent))):
-        raise InputError(f"{out}: the command reads it: write to another file")
     given = None if mission is None else missions.load_mission(mission)
     name, agent = open_agent(checkpoint, city if given is None else given.city)
-    agent = in_eight_views(agent) if views == 8 else agent
     if len(agent.cities) > 1:
         raise InputError(f"{name} over {_where(agent)}: name a single one with --city")
     flown = given or missions.Mission.draw(agent.scenario, agent.city, seed or 0)
@@ -167,7 +154,7 @@ def evaluate(
     city: Cities = None,
     episodes: Count = 1000,
     seed: NonNegativeInt = 0,
-    views: Views = 1,
+    views: Literal[1, 8] = 1,
     json: Annotated[Path | None, named(".json")] = None,
     channel_values: ChannelOptions = None,  # type: ignore[valid-type]
 ) -> None:
@@ -179,6 +166,8 @@ def evaluate(
     Arguments:
         episodes: number of random missions.
         seed: seed of the missions and the fading.
+        views: with 8 the agent flies by the mean of what it sees in a map turned and mirrored, if
+            it has learned from all these views.
         json: file to write the mean, low and high of each metric to.
     """
     name, agent = open_agent(checkpoint, city)

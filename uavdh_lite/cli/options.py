@@ -8,7 +8,6 @@ import re
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import field, fields, make_dataclass, replace
-from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -52,15 +51,16 @@ def named(*suffixes: str) -> Parameter:
 
 
 def output(typed: Path | None, default: str) -> Path:
-    """The file that a command writes: the typed one, or the default one.
+    """The file that a command writes: the typed one, which it replaces, or a new one.
 
-    Where the default one exists, the first free one of name-2, name-3 and so on takes its place.
+    That has the default name or, where this exists, the first free one of name-2, name-3 and so on.
     """
-    if typed is not None:
-        return typed
+    path, number = typed or Path(default), 1
     name, _, suffix = default.partition(".")
-    others = (Path(f"{name}-{number}.{suffix}") for number in count(2))
-    return next(path for path in chain([Path(default)], others) if not path.exists())
+    while typed is None and path.exists():
+        number += 1
+        path = Path(f"{name}-{number}.{suffix}")
+    return path
 
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg", ".webp")

@@ -1,11 +1,11 @@
 """`train` and `study`: the commands with the options of a scenario and a recipe."""
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+import joblib
 import torch
 from cyclopts import Parameter
 from cyclopts.types import NonNegativeInt, PositiveInt
@@ -21,7 +21,7 @@ from uavdh_lite.plotting import draw_study, save_figure
 from uavdh_lite.storage import read_table
 from uavdh_lite.training import trainer_of
 
-THREADS = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2)
+THREADS = min(2, joblib.cpu_count())
 
 
 def train(arguments: list[str]) -> Callable[..., None]:

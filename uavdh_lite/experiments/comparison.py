@@ -1,6 +1,5 @@
 """Policies side by side: the same missions with the same fading."""
 
-import re
 from pathlib import Path
 
 import joblib
@@ -8,14 +7,7 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import (
-    Flights,
-    Interval,
-    Policy,
-    evaluate,
-    mean_interval,
-    paired_interval,
-)
+from uavdh_lite.evaluation import Flights, Interval, Policy, evaluate, mean_interval
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import write_json, write_table
 
@@ -55,11 +47,9 @@ def columns(environment: Environment, flights: Flights) -> Columns:
     """What was drawn for each episode, then its metrics from `Flights.records`; (N,) each.
 
     `devices`, `flying_time` and `data`, the sum over the devices in data units, were drawn; over
-    several cities also `city`, a name, with its number where two cities share one.
+    several cities also `city`, its name.
     """
     start, names = flights.start, np.array([city.name for city in environment.cities])
-    if len(set(names)) < len(names):
-        names = np.array([f"{name} {number}" for number, name in enumerate(names)])
     return {
         **({"city": names[start.city]} if len(names) > 1 else {}),
         "devices": (start.data_initial > 0).sum(axis=1),
@@ -67,16 +57,6 @@ def columns(environment: Environment, flights: Flights) -> Columns:
         "data": start.data_initial.sum(axis=1).astype(float),
         **flights.records(),
     }
-
-
-def share(values: np.ndarray, reference: np.ndarray, groups: np.ndarray | None = None) -> Interval:
-    """The mean of `values` as a share of that of `reference`, over the same N episodes.
-
-    The 95 % interval keeps the two values of an episode together, and those of a group, such as
-    the missions of one city; it is that of the ratio's linear part (the delta method).
-    """
-    ratio = values.mean() / reference.mean()
-    return paired_interval(ratio + (values - ratio * reference) / reference.mean(), groups)
 
 
 def breakdown(
@@ -89,26 +69,18 @@ def breakdown(
     """
     different = np.unique(by)
     if by.dtype.kind == "U":
-        members = [(value.replace("_", " "), by == value) for value in different.tolist()]
+        parts = {value: by == value for value in different.tolist()}
     elif len(different) <= 5:
-        members = [(f"{value:g}", by == value) for value in different]
+        parts = {f"{value:g}": by == value for value in different}
     else:
-        edges = np.quantile(by, [0.25, 0.5, 0.75])
-        part_of = np.searchsorted(edges, by, side="right")
-        members = [(_range(by[part_of == part]), part_of == part) for part in np.unique(part_of)]
-    return [
-        (
-            label,
-            int(inside.sum()),
-            mean_interval(values[inside], None if groups is None else groups[inside]),
-        )
-        for label, inside in members
-    ]
-
-
-def _range(values: np.ndarray) -> str:
-    """As in `2 to 3`, or `4`."""
-    return " to ".join(dict.fromkeys(f"{end:.4g}" for end in (values.min(), values.max())))
+        part_of = np.searchsorted(np.quantile(by, [0.25, 0.5, 0.75]), by, side="right")
+        ranges = [part_of == part for part in np.unique(part_of)]
+        parts = {f"{by[inside].min():.4g} to {by[inside].max():.4g}": inside for inside in ranges}
+    rows = []
+    for label, inside in parts.items():
+        mean = mean_interval(values[inside], None if groups is None else groups[inside])
+        rows.append((label, int(inside.sum()), mean))
+    return rows
 
 
 def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> None:
@@ -124,4 +96,5 @@ def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> Non
             metrics = dict(zip(of_policy, row, strict=True))
             rows.append({"policy": policy, "episode": episode, **metrics})
     write_table(path, rows)
-    write_json(path.with_name(re.sub(r"\.csv(\.gz)?$", "", path.name, flags=re.I) + ".json"), about)
+    unpacked = path.with_suffix("") if path.suffix.lower() == ".gz" else path
+    write_json(unpacked.with_suffix(".json"), about)

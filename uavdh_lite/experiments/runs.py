@@ -18,7 +18,7 @@ from uavdh_lite.checkpoint import load, save, save_agent
 from uavdh_lite.city import fingerprint_of
 from uavdh_lite.errors import CheckpointError, InputError, TrainingDiverged
 from uavdh_lite.experiments.stopping import deferred_stop
-from uavdh_lite.storage import read_json, remove_unfinished, write_json, write_table
+from uavdh_lite.storage import write_json, write_table
 from uavdh_lite.training import Trainer
 
 SAVED = "training.safetensors"
@@ -40,20 +40,11 @@ def train(
 ) -> Path:
     """Run a training to its end, with progress; returns the path of the best agent.
 
-    In the folder `out`:
+    The folder `out` gets the best agent so far, tables of the training and of the validations,
+    `about.json` and what is needed to resume; the reference lists them under file formats. They are
+    written at each validation, and when there is a better agent; what is needed to resume, every
+    ten minutes as well.
 
-    | file | content |
-    | --- | --- |
-    | `best.safetensors` | the best agent so far, by the recipe's `kept_by`: the result |
-    | `training.safetensors` | everything needed to resume |
-    | `training.csv` | a row for every 5000 environment steps: training episodes, greedy flights |
-    | `validation.csv` | a row for each greedy validation |
-    | `about.json` | command, seed, recipe, seconds, threads, machine, the last validation |
-    | `tensorboard/` | with `tensorboard`, the rows of both tables as event files |
-    | `lock` | held during the run, so that no other process writes here |
-
-    All of them are written at each validation, and when there is a better agent; what is needed to
-    resume, every ten minutes as well.
     A run that was killed continues with `resume=True`, and ends with the same weights as one that
     was not; if nothing was saved yet, it begins. Ctrl-C and SIGTERM save the run, then raise
     `KeyboardInterrupt`. With `stop_after` the run is saved and stopped after that many environment
@@ -72,11 +63,13 @@ def train(
     keep_freed_memory()
     end = min(recipe.steps, stop_after or recipe.steps)
     with locked(out):
-        remove_unfinished(out)
+        for path in out.glob(".*.unfinished*"):  # of writes that were killed
+            path.unlink()
         if saved.exists():
-            _restore(trainer, out, command)
+            restore_run(saved, trainer)
         else:
-            _write_about(trainer, out, command)
+            save_run(saved, trainer)
+            _write_results(trainer, out, command)
         progress = tqdm(total=recipe.steps, unit="step", unit_scale=True, disable=not show_progress)
         progress.update(min(trainer.steps, recipe.steps))
         kept = time.monotonic()
@@ -86,20 +79,19 @@ def train(
                 to_keep = trainer.advance()
                 if to_keep or time.monotonic() - kept > SAVE_SECONDS:
                     _require_finite(trainer, saved)
-                    save_run(saved, trainer)  # first: what the state tells can be written again
-                    kept = time.monotonic()
                     if to_keep:
                         progress.set_postfix_str(_write_results(trainer, out, command))
                         if board:
                             board.write()
+                    save_run(saved, trainer)  # last: from an earlier state, all is written again
+                    kept = time.monotonic()
                 progress.update(min(trainer.steps, recipe.steps) - progress.n)
-            stopped = asked() or stop()
             if not trainer.finished:
                 _require_finite(trainer, saved)
                 save_run(saved, trainer)
         if not trainer.finished and show_progress:
             print(f"\nstopped after {trainer.steps} steps; add --resume to continue", flush=True)
-        if stopped and not trainer.finished:
+        if not trainer.finished and (asked() or stop()):
             raise KeyboardInterrupt
     return out / "best.safetensors"
 
@@ -112,14 +104,10 @@ def _require_whole(out: Path, resume: bool) -> None:
     if there and not resume:
         raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
     if there and SAVED not in there:
-        _refuse_part(out, SAVED)
-
-
-def _refuse_part(out: Path, missing: str) -> None:
-    raise InputError(
-        f"{out}: holds a run without its {missing}, so it cannot go on; put the file back, or "
-        "choose another folder"
-    )
+        raise InputError(
+            f"{out}: holds a run without its {SAVED}, so it cannot go on; put the file back, or "
+            "choose another folder"
+        )
 
 
 @contextmanager
@@ -137,42 +125,21 @@ def locked(out: Path, seconds: float | None = None) -> Iterator[None]:
         raise InputError(f"{out}: another process is training there; choose another") from None
 
 
-def _restore(trainer: Trainer, out: Path, command: str) -> None:
-    """Go on where the run was saved, and write again what a kill left out; old agents cannot be."""
-    restore_run(out / SAVED, trainer)
-    try:
-        written = read_json(out / "about.json")["steps"] == trainer.steps
-    except (OSError, InputError, LookupError):
-        written = False
-    if not written:
-        _write_results(trainer, out, command)
-    if trainer.has_kept:
-        if not (out / "best.safetensors").exists():
-            _refuse_part(out, "best.safetensors")
-        load(out / "best.safetensors", "agent")
-
-
 def _write_results(trainer: Trainer, out: Path, command: str) -> str:
     """Write the tables and, if it is the best so far, the agent; the newest result in words."""
+    agent = trainer.agent
+    training = agent.training | {"command": command}
     if trainer.is_best:
-        agent = trainer.agent
-        training = agent.training | {"command": command}
         save_agent(out / "best.safetensors", replace(agent, training=training))
     tables = {"training": trainer.training_rows, "validation": trainer.validation_rows}
     for name, rows in tables.items():
         if rows:
             write_table(out / f"{name}.csv", rows)
-    _write_about(trainer, out, command)  # last: it says that these steps are written
+    write_json(out / "about.json", training | identity(trainer))
     if not trainer.validation_rows:
         return ""
     newest = trainer.validation_rows[-1]
     return f"landed {newest['landed']:.1%}, return {newest['return']:.1f}"
-
-
-def _write_about(trainer: Trainer, out: Path, command: str) -> None:
-    """Write how the run is made."""
-    about = trainer.agent.training | {"command": command} | identity(trainer)
-    write_json(out / "about.json", about)
 
 
 def save_run(path: Path, trainer: Trainer) -> None:
@@ -193,12 +160,10 @@ def restore_run(path: Path, trainer: Trainer) -> None:
             continue
         if name == "cities":  # fingerprints, which tell a reader nothing
             raise InputError(f"{path}: its cities have other cells")
-        difference = f": {saved} there, {asked} here"
         if isinstance(saved, dict):
-            names = [k for k in sorted(saved.keys() | asked.keys()) if saved.get(k) != asked.get(k)]
-            both = (f"{k}: {saved.get(k)} there, {asked.get(k)} here" for k in names)
-            difference = f"; {', '.join(both)}"
-        raise InputError(f"{path}: another {name} than asked for{difference}")
+            name = next(key for key in {**saved, **asked} if saved.get(key) != asked.get(key))
+            saved, asked = saved.get(name), asked.get(name)
+        raise InputError(f"{path}: another {name} than asked for: {saved} there, {asked} here")
     try:
         trainer.load_state_dict(tensors, values)
     except (ValueError, LookupError, RuntimeError, TypeError) as error:
@@ -227,10 +192,9 @@ def identity(trainer: Trainer) -> dict:
 
 def _require_finite(trainer: Trainer, saved: Path) -> None:
     if not trainer.is_finite():
-        state = f"the last good state is {saved}" if saved.exists() else "nothing was saved yet"
         raise TrainingDiverged(
-            f"the loss or a weight is not finite after {trainer.steps} steps: {state}. "
-            "Start again with a lower learning rate or smaller rewards"
+            f"the loss or a weight is not finite after {trainer.steps} steps: the last good state "
+            f"is {saved}. Start again with a lower learning rate or smaller rewards"
         )
 
 

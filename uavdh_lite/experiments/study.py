@@ -57,8 +57,6 @@ def _changed(recipe: Recipe, text: str) -> Recipe:
             raise InputError(
                 f"variant {shown(text)}: write FIELD=VALUE, such as leak=0 or layer_norm=false"
             )
-        if name in values:
-            raise InputError(f"variant {shown(text)}: gives {name} twice")
         try:
             values[name] = json.loads(written)
         except (ValueError, RecursionError):
