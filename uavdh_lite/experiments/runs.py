@@ -67,13 +67,13 @@ def train(
             path.unlink()
         if saved.exists():
             restore_run(saved, trainer)
-        else:
+        board = Board(out / "tensorboard", trainer) if tensorboard else None
+        if not saved.exists():
             save_run(saved, trainer)
             _write_results(trainer, out, command)
         progress = tqdm(total=recipe.steps, unit="step", unit_scale=True, disable=not show_progress)
         progress.update(min(trainer.steps, recipe.steps))
         kept = time.monotonic()
-        board = Board(out / "tensorboard", trainer) if tensorboard else None
         with progress, closing(board) if board else nullcontext(), deferred_stop() as asked:
             while trainer.steps < end and not asked() and not stop():
                 to_keep = trainer.advance()
@@ -194,7 +194,7 @@ def _require_finite(trainer: Trainer, saved: Path) -> None:
     if not trainer.is_finite():
         raise TrainingDiverged(
             f"the loss or a weight is not finite after {trainer.steps} steps: the last good state "
-            f"is {saved}. Start again with a lower learning rate or smaller rewards"
+            f"is {saved}. Start again elsewhere with a lower learning rate or smaller rewards"
         )
 
 
