@@ -32,11 +32,7 @@ COMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; returns the exit status.
-
-    0; 1 for files, memory or a training that diverged; 2 for bad input; 130 for Ctrl-C; 141 if
-    nobody reads what it prints.
-    """
+    """Run one command; returns the exit status, which the reference of the commands explains."""
     arguments = sys.argv[1:] if arguments is None else arguments
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # not every encoding has γ, nor a path's bytes
