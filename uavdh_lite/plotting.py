@@ -135,7 +135,8 @@ def draw_rates(
     rates = environment.rate_map(device[0] * environment.size + device[1])
     no_fly = environment.no_fly[0].reshape(rates.shape)
     shown = np.where(no_fly, np.nan, np.maximum(rates, (low or 0) / 2))
-    picture = draw_city(ax, city).imshow(shown, WHITE_BELOW, LogNorm(low, high), zorder=1.5)
+    colours = WHITE_BELOW if limits else None  # of all rates, none is below
+    picture = draw_city(ax, city).imshow(shown, colours, LogNorm(low, high), zorder=1.5)
     ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
     if not limits:
         ax.figure.colorbar(picture, label="data units per slot, logarithmic scale")
