@@ -15,7 +15,7 @@ from uavdh_lite.labs.page import write_page
 
 webdriver = pytest.importorskip("selenium.webdriver")
 DRIVERS = {"chromium": "chromedriver", "firefox": "geckodriver", "webkit": "WebKitWebDriver"}
-SLOW = 10  # seconds to the first picture, at most, however busy the machine is
+SLOW = 2  # seconds to the first picture at most, in the quickest of three tries
 TROUBLE = """
 window.trouble = [];
 window.addEventListener("error", ({ message }) => window.trouble.push(message));
@@ -92,12 +92,14 @@ def test_every_tool_works_in_every_engine(engine, tmp_path):
                 assert time.monotonic() < end, condition
                 time.sleep(0.02)
 
-        began = time.monotonic()
-        browser.get(file.as_uri())
-        wait()
-        first = time.monotonic() - began
-        print(f"{engine}: first picture after {first:.2f} s")
-        assert first < SLOW
+        times = []
+        for _ in range(3):  # a machine that does other things, too, is slow now and then
+            began = time.monotonic()
+            browser.get(file.as_uri())
+            wait()
+            times.append(time.monotonic() - began)
+        print(f"{engine}: first picture after {times} s")
+        assert min(times) < SLOW
         browser.execute_script(TROUBLE)
         for tab in browser.find_elements("css selector", "[role=tab]"):
             name = tab.get_attribute("data-tool")

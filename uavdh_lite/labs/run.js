@@ -4,7 +4,7 @@ import { checkpoint, partsOf } from "./checkpoint.js";
 import { bytesOf, readAgent } from "./pilots.js";
 import { Trainer } from "./training.js";
 
-const TURN = 40; // ms of learning after which it hears what was told meanwhile
+const TURN = 100; // ms of learning after which it hears what was told meanwhile
 const SHOWN = 500; // ms between agents that it shows
 
 export class Run {
