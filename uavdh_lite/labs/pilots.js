@@ -94,14 +94,15 @@ export class Observation {
     this.centred = recipe.observation === "centred";
     this.views = new Map(); // the city's own layers, by the corner of the window
     this.channels = 5 + Number(!this.centred) + (recipe.told ? 3 : 0);
+    this.maps = new Float32Array(this.channels * this.width ** 2);
     const farthest = 2 * size;
     this.nearness = (moves) => 1 - (moves < 0 ? farthest : Math.min(moves, farthest)) / farthest;
     this.home = Float32Array.from(environment.city.landingDistance, this.nearness);
   }
 
-  /** @returns {Float32Array} (channels, W, W) */
+  /** @returns {Float32Array} (channels, W, W), the same array each time */
   map(state) {
-    const { environment, recipe, size, width } = this;
+    const { environment, recipe, size, width, maps } = this;
     const { city } = environment;
     const area = width ** 2;
     // The window has the UAV in its middle, or the city, half a cell to the north-west if need be
@@ -111,13 +112,14 @@ export class Observation {
     const { size: side } = city;
     const place = (cell) => (Math.floor(cell / side) + down) * width + (cell % side) + right;
     const layers = [city.landing, city.noFly, city.buildings];
-    const maps = kept(this.views, down * width + right, () => {
+    const view = kept(this.views, down * width + right, () => {
       const view = new Float32Array(this.channels * area);
       view.fill(1, area, 2 * area); // no-fly cells around the city
       for (let cell = 0; cell < environment.cells; cell++)
         layers.forEach((layer, channel) => (view[channel * area + place(cell)] = layer[cell]));
       return view;
-    }).slice();
+    });
+    maps.set(view);
     const told = recipe.told ? this.told(state) : [];
     const first = this.channels - told.length;
     told.forEach((layer, k) =>
