@@ -76,6 +76,15 @@ def test_the_shadow_counts_devices_out_of_sight_and_is_never_as_dark_as_building
     )
 
 
+def test_rates_are_coloured_wherever_the_uav_may_fly_and_white_below_the_limits(ax):
+    environment = Environment(City.load("manhattan"))
+    for limits in (None, (1e-2, 10)):
+        plotting.draw_rates(ax, environment, (4, 7), limits)
+        picture, rates = ax.images[-1], environment.rate_map(4 * 16 + 7)
+        white = (picture.to_rgba(picture.get_array())[..., :3] == 1).all(axis=-1)
+        assert (white == (rates < limits[0] if limits else False))[~environment.city.no_fly].all()
+
+
 def test_a_flight_has_an_arrow_for_each_move_in_the_served_devices_colour(ax, corridor):
     environment, trajectory = flight(corridor, [EAST, EAST, HOVER, WEST, WEST, LAND])
     plotting.draw_trajectory(ax, environment, trajectory)
