@@ -78,7 +78,8 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
         columns = zip(*rows, strict=True)
         return {name: _column(column) for name, column in zip(names, columns, strict=True)}
     except (ValueError, OSError, EOFError, csv.Error, zlib.error) as error:
-        raise InputError(f"{path}: not a table ({error})") from None
+        right = "not a table, with names in its first row and rows of that length"
+        raise InputError(f"{path}: {right} ({error})") from None
 
 
 def _is_packed(path: str | Path) -> bool:
