@@ -68,6 +68,7 @@ def until(page, holds):
 def test_it_learns_while_one_looks_and_python_loads_what_it_learned(page, tmp_path):
     turn(page, "steps", 0)  # over manhattan, which is too large: the village
     expect(page.locator("[data-set=city]")).to_have_value("village")
+    expect(page.locator(".word")).to_contain_text("too large")
     until(page, lambda: steps(page) == 0)
     press(page, "Learn")
     until(page, lambda: points(page) > 3)

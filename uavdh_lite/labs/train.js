@@ -183,6 +183,7 @@ const acts = {
 function start(act) {
   if (stage.scene.panel.city.rows.length <= LARGEST) return act();
   wanted = act;
+  told = "Over the village, because this city is too large.";
   stage.ask({ kind: "city", name: "village" });
 }
 
