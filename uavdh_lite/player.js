@@ -112,7 +112,7 @@ export function playback(stage, update) {
     const own = event.key === " " ? "button, select, input" : "select, input";
     const other = event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented;
     if (!keys[event.key] || other) return;
-    if (event.target.matches(`:is(${own}):not([type=range])`)) return; // it takes the key itself
+    if (event.target !== slider && event.target.matches(own)) return; // it takes the key itself
     event.preventDefault();
     keys[event.key]();
   }

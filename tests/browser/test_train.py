@@ -76,7 +76,7 @@ def test_it_learns_while_one_looks_and_python_loads_what_it_learned(page, tmp_pa
     before = page.locator(".map .values").inner_html()
     until(page, lambda: steps(page) > 4000)
     assert page.locator(".map .values").inner_html() != before
-    turn(page, "learning rate", 0)
+    page.get_by_role("slider", name="learning rate").press("Home")
     expect(page.locator("label", has_text="learning rate").locator("output")).to_have_text("0.0001")
     until(page, lambda: steps(page) == 6000)
     expect(page.get_by_role("button", name="Learn", exact=True)).to_be_visible()

@@ -224,7 +224,7 @@ function draw() {
   find("[data-act=learn]").textContent = goes ? "Stop" : "Learn";
   find("[data-act=second]").textContent = runs.length > 1 ? "One run" : "Two runs";
   for (const act of ["anew", "second", "save"]) find(`[data-act=${act}]`).disabled = !run;
-  find(".runs").innerHTML = runs.map(lineOf).join("");
+  drawRuns(find(".runs"));
   find(".graphs").innerHTML = Object.keys(CURVES).map(graph).join("");
   for (const input of bench.querySelectorAll("[data-dial]")) {
     const dials = run?.dials ?? usual();
@@ -247,17 +247,25 @@ function slowly(run) {
   return `This takes ${Math.round(secondsLeft(run) / 60)} minutes here: ${other}.`;
 }
 
-/** How far a run has come, and by which dials it differs from the other. */
-function lineOf({ dials, steps }, number) {
-  const other = runs[1 - number];
-  const apart =
-    other && number
-      ? Object.keys(DIALS).filter((name) => textOf(name, dials) !== textOf(name, other.dials))
+/** A line for each run: how far it has come, and by which dials it differs from the other. */
+function drawRuns(place) {
+  const empty = (_, number) => {
+    const head = '<span class="key"></span><b></b> / <span class="all"></span>';
+    const choice = runs.length > 1 ? key("choose", head, number) : `<span>${head}</span>`;
+    return `<div class="run ${RUNS[number]}">${choice} <small></small></div>`;
+  };
+  if (place.children.length !== runs.length) place.innerHTML = runs.map(empty).join("");
+  runs.forEach(({ dials, steps }, number) => {
+    const line = place.children[number]; // stays, with its focus
+    const apart = number
+      ? Object.keys(DIALS).filter((name) => textOf(name, dials) !== textOf(name, runs[0].dials))
       : [];
-  const differs = apart.map((name) => `${name} ${textOf(name, dials)}`).join(", ");
-  const head = `<span class="key"></span><b>${grouped(steps)}</b> / ${grouped(dials.steps)}`;
-  const choice = runs.length > 1 ? key("choose", head, number) : `<span>${head}</span>`;
-  return `<div class="run ${RUNS[number]} ${number === chosen ? "on" : ""}">${choice} <small>${escaped(differs)}</small></div>`;
+    line.classList.toggle("on", number === chosen);
+    line.querySelector("b").textContent = grouped(steps);
+    line.querySelector(".all").textContent = grouped(dials.steps);
+    const differs = apart.map((name) => `${name} ${textOf(name, dials)}`).join(", ");
+    line.querySelector("small").textContent = differs;
+  });
 }
 
 function graph(name) {
