@@ -34,7 +34,8 @@ def pytest_xdist_auto_num_workers(config) -> int:
 def pytest_collection_modifyitems(items):
     """Of some notebooks others run the code: `test_solutions.py`, and the project's template.
 
-    Those that go further than the course are run by CI. The longest files begin first, so that none
+    Those that train for long, or go further than the course, are run by CI; of the former,
+    `test_notebooks.py` runs the code with fewer steps. The longest files begin first, so that none
     of them is left over at the end.
     """
     items.sort(key=lambda item: item.path.stem not in LONGEST)
@@ -42,7 +43,7 @@ def pytest_collection_modifyitems(items):
         if "solutions" in item.path.parts or item.path.stem.startswith("example_"):
             item.add_marker("long")
             item.add_marker("longest")
-        elif item.path.suffix == ".ipynb" and item.path.stem >= "10":
+        elif item.path.suffix == ".ipynb" and item.path.stem >= "07":
             item.add_marker("long")
 
 

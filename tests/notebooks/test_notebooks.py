@@ -1,6 +1,7 @@
 """The notebooks' form: pairs, fresh outputs, the template, how long. nbval runs what is in them."""
 
 import ast
+import asyncio
 import re
 from functools import cache
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from IPython.core.inputtransformer2 import TransformerManager
 from jupytext.cli import jupytext as jupytext_cli
+from matplotlib import pyplot as plt
 from safetensors.numpy import save_file
 
 from uavdh_lite.course.checks import EXERCISES
@@ -18,6 +20,11 @@ from uavdh_lite.course.checks import EXERCISES
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 SECTIONS = ("What you'll do", "What you'll learn", "What you'll need", "Recap", "Exercises")
 COURSE = range(10)  # the numbers of its notebooks; the others go further
+BRIEFLY = {  # steps of trainings, and fewer
+    "07_training": {"96_000": "4_800"},
+    "08_ablation_map_centring": {"40_000": "8_000", "5_000": "4_000"},
+    "09_finale": {"40_000": "8_000"},
+}
 
 SCRIPTS = execute.scripts()
 
@@ -194,3 +201,18 @@ def test_jupytext_opens_the_script_by_itself_and_its_first_cell_runs(script, tmp
     monkeypatch.chdir(script.parent)
     exec(compile(shell.transform_cell(cells[0]), script.name, "exec"), {})
     assert Path.cwd() == NOTEBOOKS
+
+
+@pytest.mark.parametrize("stem", BRIEFLY)
+def test_the_code_of_a_notebook_that_trains_for_long_runs(stem, tmp_path, monkeypatch):
+    """In full, and in a kernel of its own, it is one of the long tests."""
+    monkeypatch.chdir(tmp_path)  # 7 saves an agent
+    (script,) = (each for each in SCRIPTS if each.stem == stem)
+    space, waits = {"__name__": "__main__"}, ast.PyCF_ALLOW_TOP_LEVEL_AWAIT
+    for cell in code(execute.from_script(script))[1:]:  # the first finds the library
+        for steps, few in BRIEFLY[stem].items():
+            cell.source = cell.source.replace(steps, few)
+        waited = eval(compile(re.sub("(?m)^%.*", "", cell.source), stem, "exec", waits), space)
+        if waited:
+            asyncio.run(waited)
+    plt.close("all")
