@@ -5,24 +5,28 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
 import pytest
-import torch
 
 from uavdh_lite.city import City
-from uavdh_lite.recipe import LITE, Recipe
 from uavdh_lite.scenario import Scenario
-from uavdh_lite.training import Trainer
+
+if TYPE_CHECKING:  # the process that hands out the tests needs no torch
+    from uavdh_lite.recipe import Recipe
+    from uavdh_lite.training import Trainer
 
 matplotlib.use("Agg")
 # Every core has a worker already. Processes and kernels that tests start inherit this.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-torch.set_num_threads(1)
 
-
-LONGEST = {"test_page", "test_checks", "test_nbgrader", "test_mutants", "07_training", "test_site"}
+LONGEST = (  # they begin first, so that none of them is left over at the end
+    "test_site", "test_how_to", "08_ablation_map_centring", "07_training", "09_finale",
+    "test_challenge", "test_study", "project", "test_page", "test_mutants", "11_replay",
+    "test_world", "test_session", "test_cli", "06_ddqn", "test_learning",
+)  # fmt: skip
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -35,10 +39,10 @@ def pytest_collection_modifyitems(items):
     """Of some notebooks others run the code: `test_solutions.py`, and the project's template.
 
     Those that train for long, or go further than the course, are run by CI; of the former,
-    `test_notebooks.py` runs the code with fewer steps. The longest files begin first, so that none
-    of them is left over at the end.
+    `test_notebooks.py` runs the code with fewer steps.
     """
-    items.sort(key=lambda item: item.path.stem not in LONGEST)
+    place = {stem: place for place, stem in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
     for item in items:
         if "solutions" in item.path.parts or item.path.stem.startswith("example_"):
             item.add_marker("long")
@@ -81,8 +85,10 @@ def corridor_scenario() -> Scenario:
 
 
 @pytest.fixture(scope="session")
-def quick() -> Recipe:
+def quick() -> "Recipe":
     """`lite` with a small network, a short run and what else a recipe can have."""
+    from uavdh_lite.recipe import LITE
+
     return replace(
         LITE,
         name="quick",
@@ -108,8 +114,10 @@ def quick() -> Recipe:
 
 
 @pytest.fixture
-def trainer(corridor: City, corridor_scenario: Scenario, quick: Recipe) -> Callable[..., Trainer]:
+def trainer(corridor: City, corridor_scenario: Scenario, quick) -> "Callable[..., Trainer]":
     """A function that begins a quick run; it takes a seed and changes of the recipe."""
+    from uavdh_lite.training import Trainer
+
     return lambda seed=0, **changes: Trainer(
         corridor_scenario, replace(quick, **changes), seed, corridor
     )

@@ -11,6 +11,8 @@ from uavdh_lite.beyond.measured import load_gains, load_place
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 
+pytestmark = pytest.mark.long  # Sionna RT takes seconds to begin
+
 
 @pytest.fixture(scope="module")
 def trace():

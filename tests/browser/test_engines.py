@@ -13,7 +13,6 @@ import pytest
 
 from uavdh_lite.labs.page import write_page
 
-webdriver = pytest.importorskip("selenium.webdriver")
 DRIVERS = {"chromium": "chromedriver", "firefox": "geckodriver", "webkit": "WebKitWebDriver"}
 SLOW = 2  # seconds to the first picture at most, in the quickest of three tries
 TROUBLE = """
@@ -58,6 +57,7 @@ const keys = ["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", " ", "l", "Ente
 
 def begin(engine: str):
     """A browser without a window, or a skip."""
+    webdriver = pytest.importorskip("selenium.webdriver")
     driver = shutil.which(DRIVERS[engine])
     if driver is None or (engine == "webkit" and not os.environ.get("DISPLAY")):
         pytest.skip(f"no {DRIVERS[engine]}, or no display for it")
@@ -76,6 +76,7 @@ def begin(engine: str):
 
 
 @pytest.mark.long
+@pytest.mark.longest
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Selenium's own, for WebKitGTK
 @pytest.mark.parametrize("engine", DRIVERS)
 def test_every_tool_works_in_every_engine(engine, tmp_path):

@@ -13,8 +13,6 @@ from uavdh_lite.cli.main import main
 from uavdh_lite.course.checks import exercise
 
 markdown_it = pytest.importorskip("markdown_it")
-for package in ("gymnasium", "onnxruntime", "psutil", "stable_baselines3", "tensorboard"):
-    pytest.importorskip(package)
 
 pytestmark = pytest.mark.long
 
@@ -29,6 +27,8 @@ BRIEFLY = {"24000": "3200", "24_000": "3_200", "48000": "6400"}  # steps of a tr
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_block_of_a_guide_runs(page, tmp_path, monkeypatch):
+    for package in ("gymnasium", "onnxruntime", "psutil", "stable_baselines3", "tensorboard"):
+        pytest.importorskip(package)
     monkeypatch.chdir(tmp_path)
     # Two threads of a training wait for each other where other tests take their core
     monkeypatch.setattr(torch, "set_num_threads", lambda number: None)

@@ -23,11 +23,6 @@ from uavdh_lite import registry
 from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.cli.main import COMMANDS
 
-for package in ("furo", "myst_nb", "sphinx_design", "sphinx-mathjax-offline"):
-    pytest.importorskip(package)
-for package in ("gymnasium", "ipywidgets", "psutil"):
-    pytest.importorskip(package)  # modules of the reference import them
-
 pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[2]
@@ -40,6 +35,9 @@ REMOTE_IN_STYLES = r"(?:url\(|@import)\s*[\"']?(?:https?:)?//"
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
+    themes = "furo", "myst_nb", "sphinx_design", "sphinx-mathjax-offline"
+    for package in (*themes, "gymnasium", "ipywidgets", "psutil"):  # modules import the latter
+        pytest.importorskip(package)
     folder = tmp_path_factory.mktemp("build") / "site"
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", folder]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)

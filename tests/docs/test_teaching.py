@@ -13,7 +13,7 @@ COURSE = [f"{number:02d}" for number in range(10)]
 
 
 @pytest.mark.parametrize("name", ["three_afternoons", "seven_lessons", "week"])
-def test_the_plan_adds_up(name):
+def test_the_plan_adds_up_and_has_the_whole_course_in_order(name):
     table = tables.plan(name)
     assert f"plan {name}\n" in (DOCS / "teach" / "index.md").read_text()
     for session, longest, parts in tables.sessions(name):
@@ -23,10 +23,6 @@ def test_the_plan_adds_up(name):
         assert longest < 130 or any(what == "break" for what, _, _ in parts) or "home" in session
     done = [number for _, _, parts in tables.sessions(name) for *_, ns in parts for number in ns]
     assert len(done) == len(set(done)) and set(done) <= {one.number for one in EXERCISES.values()}
-
-
-@pytest.mark.parametrize("name", ["three_afternoons", "seven_lessons", "week"])
-def test_the_plan_has_the_whole_course_in_order(name):
     whats = [what for _, _, parts in tables.sessions(name) for what, _, _ in parts]
     read = [what[2:4] for what in whats if what.startswith("[`")]
     assert [number for number in read if number in COURSE] == COURSE
