@@ -4,17 +4,18 @@ They are made from the library itself and from the files in `data/`, so that no 
 with them.
 """
 
+import io
 import json
 import os
 import re
-import subprocess
-import sys
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import redirect_stdout
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import load_cities, load_city, shipped_cities
+from uavdh_lite.cli.main import main
 from uavdh_lite.course.checks import EXERCISES
 from uavdh_lite.course.exam import questions
 from uavdh_lite.evaluation import Interval, bootstrap_interval, mean_interval, paired_interval
@@ -157,10 +159,10 @@ def bounds(limits: dict[str, float | None]) -> str:
 
 def _help(*command: str) -> str:
     """What `--help` prints, without colours, as wide as a page."""
-    environment = {**os.environ, "COLUMNS": "97", "NO_COLOR": "1", "TERM": "dumb"}
-    call = [sys.executable, "-m", "uavdh_lite", *command, "--help"]
-    done = subprocess.run(call, capture_output=True, text=True, check=True, env=environment)
-    return done.stdout
+    width = patch.dict(os.environ, COLUMNS="97", NO_COLOR="1", TERM="dumb")
+    with width, redirect_stdout(io.StringIO()) as printed:
+        main([*command, "--help"])
+    return printed.getvalue()
 
 
 def commands_in(help_text: str) -> list[str]:
