@@ -29,12 +29,6 @@ def test_the_workflows_are_valid_and_safe():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_hooks_before_a_commit_are_the_commands_of_ci():
-    hooks = (ROOT / ".pre-commit-config.yaml").read_text()
-    for command in ("ruff check", "ruff format", "lint-imports --no-logo"):
-        assert f"entry: {command}" in hooks and command in (ROOT / ".ci" / "run").read_text()
-
-
 @pytest.mark.long
 @pytest.mark.longest
 @pytest.mark.skipif(os.name == "nt", reason="a Dockerfile runs a shell of Unix")
