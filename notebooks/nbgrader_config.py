@@ -1,7 +1,6 @@
 """nbgrader's configuration of this course: run its commands in this folder."""
 
 import base64
-import io
 import re
 import sys
 import time
@@ -14,18 +13,12 @@ from nbgrader.utils import is_grade
 from traitlets import Bool, Integer
 
 from uavdh_lite.course.checks import EXERCISES
-from uavdh_lite.course.walls import BESIDE, Lost, Walled, judged, program
+from uavdh_lite.course.walls import Lost, Walled, judged, program
 from uavdh_lite.errors import InputError
 
 PRINTED = 100_000  # characters of a cell that are kept
 LARGEST_FIGURE = 2_000_000  # bytes
 CALL = re.compile(r"checks\.(\w+)\((\w+)\)")  # of a graded cell
-FRESH_CHECKS = """
-import importlib, sys
-for _name in [name for name in sys.modules if name.startswith("uavdh_lite.course")]:
-    del sys.modules[_name]
-checks = importlib.import_module("uavdh_lite.course.checks")
-"""
 
 
 class NumberedStubs(ClearSolutions):
@@ -57,49 +50,44 @@ class WithinWalls(NbGraderPreprocessor):
             self.unprotected or program()
         except InputError as error:  # of all students: nobody is graded
             sys.exit(f"{error} (here: --WithinWalls.unprotected=True)")
-        self.lost = set()  # cells that took their process with them
         self.ends = time.monotonic() + self.whole
         stamp = Path(resources["metadata"]["path"], "timestamp.txt")
         handed_in = stamp.read_text() if stamp.exists() else None
         if handed_in:
             stamp.write_text("1970-01-01 00:00:00 UTC")
-        calls = [CALL.fullmatch(cell.source.strip()) for cell in notebook.cells if is_grade(cell)]
-        beside = {call[1] in BESIDE for call in calls}
-        self.cells, self.walled = notebook.cells, {}  # a process with the checks, one without
+        self.cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+        self.walled, self.lost = None, []  # the process, and cells that took one with them
         try:
-            for index, cell in enumerate(notebook.cells):
-                if cell.cell_type == "code":
-                    cell.outputs = self._outputs(cell, index, beside)
+            for cell in self.cells:
+                cell.outputs = self._outputs(cell)
         finally:
-            for one in self.walled.values():
-                one.__exit__()
+            if self.walled:
+                self.walled.__exit__()
         if handed_in:
             stamp.write_text(handed_in)
         return notebook, resources
 
-    def _outputs(self, cell, index, beside):
-        """What a cell gives; it runs in each process that its sheet needs."""
-        outputs = []
-        call = CALL.fullmatch(cell.source.strip()) if is_grade(cell) else None
-        # What is kept of a cell that is not graded is from the process without the checks
-        for checks in [call[1] in BESIDE] if call else sorted(beside, reverse=True):
-            try:
-                if checks not in self.walled:
-                    self._begin_again(checks, index)
-                outputs = self._judged(cell, *call.groups()) if call else self._run(cell, checks)
-            except Lost as lost:
-                self.lost.add(index)
-                self.walled.pop(checks).__exit__()
-                said = f"This cell gets no points: {lost}."
-                outputs = [new_output("error", ename="Lost", evalue=said, traceback=[said])]
-        return outputs
+    def _outputs(self, cell):
+        """What a cell gives."""
+        try:
+            if not self.walled:
+                self._begin_again(cell)
+            return self._judged(cell) if is_grade(cell) else self._run(cell)
+        except Lost as lost:
+            self.lost.append(cell)
+            self.walled.__exit__()
+            self.walled = None
+            said = f"This cell gets no points: {lost}."
+            return [new_output("error", ename="Lost", evalue=said, traceback=[said])]
 
-    def _begin_again(self, checks, index):
-        """A new process, in which all cells up to this one have run but those that were lost."""
-        self.walled[checks] = Walled(checks=checks, unprotected=self.unprotected)
-        for k, cell in enumerate(self.cells[:index]):
-            if cell.cell_type == "code" and not is_grade(cell) and k not in self.lost:
-                self._run(cell, checks)
+    def _begin_again(self, until):
+        """A new process, in which all cells before this one have run but those that were lost."""
+        self.walled = Walled(unprotected=self.unprotected)
+        for cell in self.cells:
+            if cell is until:
+                return
+            if not is_grade(cell) and not any(cell is one for one in self.lost):
+                self._run(cell)
 
     def _seconds(self):
         """How long a cell may take: the sheet has a limit, too."""
@@ -108,32 +96,23 @@ class WithinWalls(NbGraderPreprocessor):
             raise Lost(f"the cells before it took the {self.whole} s of a sheet")
         return min(self.timeout, left)
 
-    def _run(self, cell, checks, before=""):
-        walled = self.walled[checks]
-        walled.begin(self._seconds())
-        reply = walled.ask({"run": before + cell.source})
+    def _run(self, cell):
+        self.walled.begin(self._seconds())
+        reply = self.walled.ask({"run": cell.source})
         try:
             return _outputs(reply["said"], reply["figures"], reply["errors"])
         except Exception as error:  # whatever a hostile process has sent
             raise Lost(f"what it gives cannot be read ({type(error).__name__})") from None
 
-    def _judged(self, cell, name, answer):
-        if name in BESIDE:
-            return self._run(cell, True, FRESH_CHECKS)
-        exercise = EXERCISES[name]
-        said, wrong = judged(self.walled[False], exercise, answer, self._seconds())
-        figures = []
-        if exercise.figure and not wrong:
-            content = io.BytesIO()
-            exercise.picture().savefig(content, format="png", dpi=72)
-            figures = [base64.b64encode(content.getvalue()).decode()]
-        return _outputs(said, figures, [["CheckFailed", wrong, [wrong]]] if wrong else [])
+    def _judged(self, cell):
+        name, answer = CALL.fullmatch(cell.source.strip()).groups()
+        said, wrong = judged(self.walled, EXERCISES[name], answer, self._seconds())
+        return _outputs(said, [], [["CheckFailed", wrong, [wrong]]] if wrong else [])
 
 
 def _outputs(said, figures, errors):
     """Outputs that hold nothing but text and PNG, whatever a process within the walls has sent."""
-    said = _readable(said, PRINTED)
-    outputs = [new_output("stream", text=said)] if said else []
+    outputs = [new_output("stream", text=_readable(said, PRINTED))] if said else []
     for figure in figures[:10]:
         content = base64.b64decode(figure)
         if content.startswith(b"\x89PNG\r\n") and len(content) < LARGEST_FIGURE:

@@ -1,7 +1,7 @@
 """Wrong answers to the exercises, and what must be said of each: a part of the rule or mistake."""
 
 import math
-from itertools import combinations, islice
+from itertools import combinations
 
 import numpy as np
 import torch
@@ -25,12 +25,6 @@ def doubled_distance(start, end, cell):
 def touching(start, end, cell):
     distance, limit = doubled_distance(start, end, cell)
     return inside(start, end, cell) and distance <= limit
-
-
-def by_its_slope(start, end, cell):
-    rows, cols, r, c = end[0] - start[0], end[1] - start[1], cell[0] - start[0], cell[1] - start[1]
-    slope = cols / rows if rows else 0.0
-    return inside(start, end, cell) and (not rows or 2 * abs(c - slope * r) < 1 + abs(slope))
 
 
 def sampled(start, end, cell):
@@ -72,30 +66,6 @@ def controller(wraps=False, buildings=False, clips=False, land=True, flag=True, 
     return answer
 
 
-def centred(shift=0, sign=1, fill=None, dtype=None):
-    """Write the layer into a map cell by cell."""
-
-    def answer(layer, uav, outside):
-        size = len(layer)
-        value = outside if fill is None else fill
-        result = np.full((2 * size - 1, 2 * size - 1), value, dtype or float)
-        for row, col in np.ndindex(layer.shape):
-            place = [
-                size - 1 + sign * (one - u) + shift for one, u in zip((row, col), uav, strict=True)
-            ]
-            if all(0 <= one < 2 * size - 1 for one in place):
-                result[tuple(place)] = layer[row, col]
-        return result
-
-    return answer
-
-
-def remembering(right, key):
-    """An answer that looks up what it gave to a case with the same key."""
-    given = {}
-    return lambda *case: given.setdefault(key(*case), right(*case))
-
-
 def all_n(rewards, terminals, values, n, discount):
     total = 0.0
     for k in range(n):
@@ -113,46 +83,8 @@ def one_after_the_other(x, y, rate, steps):
     return w, b
 
 
-def stops_early(x, y, rate, steps):
-    fit, best, least = (0.0, 0.0), None, np.inf
-    for _ in range(steps + 1):
-        error = fit[0] * x + fit[1] - y
-        if np.mean(error**2) > least:
-            break
-        best, least = fit, np.mean(error**2)
-        fit = fit[0] - rate * np.mean(2 * error * x), fit[1] - rate * np.mean(2 * error)
-    return best
-
-
-def _value_after_the_end(rewards, terminals, values, n, discount):
-    total = 0
-    for k in range(min(n, len(rewards))):
-        total += discount**k * rewards[k]
-        if terminals[k]:
-            break
-    return total + discount ** (k + 1) * values[k + 1]
-
-
 def _mean(q, beta):
     return (torch.softmax(q / beta, 1) * q).sum(1)
-
-
-def stays_above(steps, values, threshold, above=np.greater_equal):
-    for k, step in enumerate(steps):
-        if above(values[k:], threshold).all():
-            return step
-    return None
-
-
-def splits(a, b):
-    everything = list(a) + list(b)
-    for chosen in combinations(range(len(everything)), len(a)):
-        rest = [v for k, v in enumerate(everything) if k not in chosen]
-        yield np.mean([everything[k] for k in chosen]) - np.mean(rest)
-
-
-def share_as_large(found, observed, rtol=0):
-    return np.mean([abs(d) >= abs(observed) * (1 - rtol) - 1e-9 for d in found])
 
 
 def values_for_positions(a, b):
@@ -184,10 +116,6 @@ def landing_in_the_zone(distance, next_cell, cell, time_left):
     return in_time
 
 
-def looks_up_the_way_home(distance, *case, known={}):  # noqa: B006
-    return checks.failsafe_mask.solution(known.setdefault(len(distance), distance), *case)
-
-
 def sizes_of_correlation(left_db, step_m):
     off = left_db - left_db.mean()
     for k in range(1, len(off)):
@@ -196,28 +124,9 @@ def sizes_of_correlation(left_db, step_m):
     return len(off) * step_m
 
 
-def half_width(values, city, t, power=0.5, per=None, correct=True):
-    off = values - values.mean()
-    sums = np.array([off[city == one].sum() for one in set(city.tolist())])
-    count = len(sums)
-    correction = count / (count - 1) if correct else 1
-    return t * (correction * (sums**2).sum()) ** power / (per or len(values))
-
-
 def by_counting(values, city, t):
     sums = np.bincount(city, values - values.mean())
     return t * np.sqrt(len(sums) / (len(sums) - 1) * (sums**2).sum()) / len(values)
-
-
-def served_in_any_order(rate, left):
-    """The device with most data left has the slot."""
-    rest, total = np.repeat(left.astype(float), rate[0].size).reshape(rate.shape), 0.0
-    for _ in range(4):
-        own = rest.argmax(0)[None]
-        sent = np.minimum(np.take_along_axis(rate, own, 0), np.take_along_axis(rest, own, 0))
-        np.put_along_axis(rest, own, np.take_along_axis(rest, own, 0) - sent, 0)
-        total = total + sent[0]
-    return total
 
 
 def only_the_loudest(rate, left):
@@ -237,16 +146,7 @@ def by_hand(flight, step, reward):
     return lambda: given
 
 
-def faded(chance, most=10**9, law="normal"):
-    """The mean rate with other chance than that of the generator, or of fewer slots."""
-
-    def mean_rate(snr_db, variance, draws, generator):
-        scale = variance**0.5 * (1 if law == "normal" else 3**0.5 / math.pi)
-        return to_rate(snr_db + getattr(chance(generator), law)(0, scale, min(draws, most))).mean()
-
-    return mean_rate
-
-
+CHANCE = np.random.default_rng(0)  # of a student's own
 OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6
 ROWS = "LL.............. " * 2 + "................ " * 14
 MISTAKES = {
@@ -281,10 +181,15 @@ MISTAKES = {
         (lambda d: int(d ** (3.64 / 2.27)), "nor the result"),
     ],
     "mean_rate": [
-        (faded(lambda _: np.random.default_rng()), "must come from the generator"),
+        (
+            lambda snr, var, n, g: to_rate(snr + CHANCE.normal(0, var**0.5, n)).mean(),
+            "must come from the generator",
+        ),
         (lambda *case: checks.mean_rate.solution(*case), "Simulate: draw"),
-        (faded(lambda generator: generator, most=100_000), "400,000 only about 10"),
-        (faded(lambda generator: generator, law="logistic"), "If it is normal"),
+        (
+            lambda snr, var, n, g: to_rate(snr + g.normal(0, var**0.5, 10**5)).mean(),
+            "scatters like",
+        ),
         (lambda snr, var, n, g: to_rate(snr + g.normal(0, var**0.5)), "Simulate `draws` slots"),
         (
             lambda snr, var, n, g: (to_rate(snr) + g.normal(0, var**0.5, n)).mean(),
@@ -296,18 +201,9 @@ MISTAKES = {
         (lambda *case: inside(*case) and np.less(*doubled_distance(*case)), "separately"),
         (sampled, "cut off a tiny corner"),
         (inside, "must be near the line"),
-        (
-            lambda *case: (
-                inside(*case)
-                and (case[0] == case[1] or np.less(*doubled_distance(*np.array(case, np.int32))))
-            ),
-            "32-bit",
-        ),
-        (by_its_slope, "only touches a cell"),
     ],
     "shadow_map": [
         (lambda b, d: b.copy(), "hides everything behind it"),
-        (remembering(checks.shadow_map.solution, lambda b, d: d), "must not depend on earlier"),
     ],
     "asymmetric_share": [
         (lambda s: (s != s.T).mean(), r"no pair with itself, \[i, j, i, j\]"),
@@ -335,16 +231,15 @@ MISTAKES = {
         (controller(stay=False), "hovers instead"),
     ],
     "centre": [
-        (centred(shift=1), "in the middle"),
-        (centred(fill=0), "the map is `outside`"),
-        (centred(dtype=int), "Make a map of floats"),
+        (lambda *case: np.roll(checks.centre.solution(*case), 1), "in the middle"),
+        (lambda layer, uav, _: checks.centre.solution(layer, uav, 0), "the map is `outside`"),
+        (lambda *case: checks.centre.solution(*case).astype(int), "Make a map of floats"),
     ],
     "data_layer": [
         (lambda size, uav, devices, data: np.zeros((size, size)), r"expected \(5, 5\)"),
         (lambda size, uav, devices, data: np.zeros((2 * size - 1,) * 2), "its data goes there"),
     ],
     "fitted_line": [
-        (stops_early, "even if the loss grows"),
         (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, -rate, steps), r"\*down\*"),
         (one_after_the_other, "Compute both slopes first"),
         (lambda *c: checks.fitted_line.solution(*c[:3], min(c[3], 1000)), r"0\.002, 2000\)"),
@@ -421,12 +316,14 @@ MISTAKES = {
     ],
     "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
     "n_step_return": [
-        (_value_after_the_end, "no value is added"),
         (lambda r, t, v, n, d: checks.n_step_return.solution(r, t, v, min(n, 20), d), "30, 0.95"),
         (all_n, r"IndexError.*in line \d+, `.*`\. Where fewer than n steps are stored, m = T"),
     ],
     "steps_to": [
-        (lambda s, v, t: stays_above(s, v, t, np.greater), "that equals the threshold"),
+        (
+            lambda s, v, t: checks.steps_to.solution(s, v - 1e-12, t),
+            "that equals the threshold",
+        ),
         (
             lambda s, v, t: next((s[k] for k in range(len(s)) if min(v[k : k + 3]) >= t), None),
             "from your validation to the last",
@@ -437,18 +334,6 @@ MISTAKES = {
     ],
     "permutation_p": [
         (values_for_positions, "deal out positions"),
-        (
-            lambda a, b: share_as_large(islice(splits(a, b), 1000), np.mean(a) - np.mean(b)),
-            "groups may differ in size",
-        ),
-        (
-            lambda a, b: share_as_large(splits(a, b), np.mean(a) - np.mean(b), rtol=1e-5),
-            "however little they differ",
-        ),
-        (
-            lambda a, b: sum(abs(d) >= abs(np.mean(a - b)) for d in splits(a, b)),
-            "p is the share|stops",
-        ),
     ],
     "missions_needed": [
         (lambda share, crashes: int(share * 3.8416 / (1 - share)) + 1, "n − crashes of n missions"),
@@ -471,11 +356,9 @@ MISTAKES = {
     "failsafe_mask": [
         (minus_one_is_near, "no way home, distance −1"),
         (landing_in_the_zone, "`land` outside the zone"),
-        (looks_up_the_way_home, "in any city"),
     ],
     "data_of_a_step": [
         (lambda rate, left: 4 * rate.max(0), "until it has nothing left"),
-        (served_in_any_order, "the loudest of those with data left"),
         (only_the_loudest, "leaves the next slots to the others"),
     ],
     "view": [
@@ -495,8 +378,10 @@ MISTAKES = {
         (lambda line, heard, w: np.average(heard, weights=w), "Add to the line|stops with"),
     ],
     "clustered_half_width": [
-        (lambda *case: half_width(*case, correct=False), r"total by C/\(C − 1\)"),
         (by_counting, "numbers are names"),
-        (lambda *case: half_width(*case[:2], 1.96), "that by t / N"),
+        (
+            lambda values, city, t: checks.clustered_half_width.solution(values, city, 1.96),
+            "that by t / N",
+        ),
     ],
 }

@@ -120,23 +120,17 @@ def test_answers_that_change_their_arguments_or_remember_calls_are_refused():
     assert not plus_one(tolerance=0.1).wrong_with(lambda x: (x + 1) * next(chance))
 
 
-def test_what_an_answer_prints_is_shown_of_the_case_that_failed_and_settings_are_put_back(capsys):
+def test_what_an_answer_prints_is_shown_of_the_case_that_failed(capsys):
     def noisy(x):
         print(x, "\n" * 99)
-        torch.set_default_dtype(torch.float64)
-        torch.set_grad_enabled(False)
         return x + (x != 1000.25)
 
     with pytest.raises(checks.CheckFailed, match="gives 1000, expected 1001"):
         plus_one()(noisy)
     said = capsys.readouterr().out
     assert said.startswith("1000.25") and said.count("\n") == 20
-    with pytest.raises(checks.CheckFailed, match="It forgets"):
-        plus_one(mistakes={"It forgets the 1.": lambda x: x})(lambda x: print("seen") or x)
-    assert capsys.readouterr().out == "seen\n"
     plus_one()(lambda x: print(x) or x + 1)
     assert capsys.readouterr().out == "Exercise 9.9: right.\n"
-    assert torch.get_default_dtype() == torch.float32 and torch.is_grad_enabled()
 
 
 def test_what_is_not_written_or_interrupted():
@@ -245,12 +239,6 @@ def test_no_import_takes_the_name_of_an_answer(script):
     assert answers and not answers & imported
 
 
-@pytest.mark.parametrize("name", [n for n, one in checks.EXERCISES.items() if one.figure])
-def test_figures_are_drawn(name):
-    (ax,) = checks.EXERCISES[name].picture().axes
-    assert ax.get_xlabel() and ax.get_ylabel()
-
-
 def test_the_validations_to_diagnose_are_recorded_ones():
     table = read_table(ROOT / "data/runs/deviations-manhattan.csv.gz")
     for name, shares in RUNS.items():
@@ -277,12 +265,9 @@ def test_a_heading_has_a_form_and_two_exercises_cannot_share_a_name_or_a_number(
         """Another one of that name."""
 
     for solution, heading in ((rate_from_snr, "9.9"), (print, "1.1")):
-        with pytest.raises(
-            ValueError, match=r"notebook_01 has 1\.1 as checks\.rate_from_snr: take"
-        ):
+        with pytest.raises(ValueError, match=r"1\.1 is checks\.rate_from_snr: take another"):
             module.exercise(f"{heading} · Title (1 point, 1 minutes)")(solution)
-    rate_from_snr.__module__ = "__main__"
-    rate_from_snr.__name__ = "loss"
+    rate_from_snr.__module__, rate_from_snr.__name__ = "__main__", "loss"
     for title in ("Title", "Better title"):  # in a notebook, a cell is run again and again
         module.exercise(f"1.9 · {title} (1 point, 1 minutes)")(rate_from_snr)
     assert module.EXERCISES["loss"].title == "Better title"
@@ -300,15 +285,6 @@ def rate(snr_db):
 
 # %%
 checks.rate_from_snr(rate)
-
-# %% [markdown]
-# ## 1.2 · How much distance is a building worth? (2 points, 10 minutes)
-
-# %%
-same_loss_m = 1  ### BEGIN SOLUTION ### END SOLUTION
-
-# %%
-checks.same_path_loss(same_loss_m)
 """
 
 
@@ -316,12 +292,6 @@ checks.same_path_loss(same_loss_m)
     ("here", "there", "said"),
     [
         ("    ### BEGIN SOLUTION\n", "", r"checks.rate_from_snr\(rate\)'.*no cell with .*BEGIN"),
-        ("    ### END SOLUTION\n", "", r"checks.rate_from_snr\(rate\)'.*no cell with .*BEGIN"),
-        (
-            " ### END SOLUTION\n\n# %%\nchecks.s",
-            "\n# %%\nchecks.s",
-            r"same_path_loss.*no cell with",
-        ),
         ("Rate from SNR", "The rate", r"must be '## 1\.1 · Rate from SNR \(1 point, 5 minutes\)'"),
         ("checks.rate_from_snr", "checks.rate", "no page in .* has rate$"),
     ],
@@ -330,7 +300,7 @@ def test_a_forgotten_mark_or_another_heading_is_an_error_that_names_the_cell(her
     good, bad = (jupytext.reads(text, "py:percent") for text in (CELLS, CELLS.replace(here, there)))
     assignments.mark_cells(good)
     assert [c.metadata.nbgrader.grade_id for c in good.cells if "nbgrader" in c.metadata] == [
-        *("1-1", "check-1-1", "1-2", "check-1-2")
+        *("1-1", "check-1-1")
     ]
     with pytest.raises(ValueError, match=said):
         assignments.mark_cells(bad)

@@ -1,6 +1,5 @@
 """Right answers pass, however they are written."""
 
-import bisect
 import functools
 import itertools
 import math
@@ -12,7 +11,6 @@ import torch
 from mutants import SCRIPTS, solutions
 
 from uavdh_lite.course import checks
-from uavdh_lite.evaluation import wilson_interval
 
 
 class Callable:
@@ -97,12 +95,6 @@ def by_sets(a, b):
     return sum(larger) / len(larger)
 
 
-def by_the_library(share, crashes):
-    low = lambda n: wilson_interval(np.arange(n) >= crashes).low  # noqa: E731
-    enough = next(2**k for k in itertools.count(6) if low(2**k) >= share)
-    return bisect.bisect_left(range(crashes + 1, enough), share, key=low) + crashes + 1
-
-
 def by_fractions(start, end, cell):
     """Cuts the segment at the four edges of the cell."""
     low, high = Fraction(0), Fraction(1)
@@ -113,31 +105,6 @@ def by_fractions(start, end, cell):
             ends = sorted((Fraction(2 * (c - a) + s, 2 * (b - a))) for s in (-1, 1))
             low, high = max(low, ends[0]), min(high, ends[1])
     return low < high
-
-
-def by_whole_slots(rate, left):
-    """Device by device, from the loudest on: each takes the slots that empty it."""
-    layer = np.zeros(rate.shape[1:])
-    for place in np.ndindex(layer.shape):
-        slots = 4
-        for own, data in sorted(zip(rate[(slice(None), *place)], left, strict=True), reverse=True):
-            used = min(slots, math.ceil(data / own))
-            layer[place] += min(used * own, data)
-            slots -= used
-    return layer
-
-
-def by_loops(q, epsilon):
-    rows = [[epsilon / len(row)] * len(row) for row in q.tolist()]
-    for row, values in zip(rows, q.tolist(), strict=True):
-        row[values.index(max(values))] += 1 - epsilon
-    return torch.tensor(rows)
-
-
-def by_counting(errors):
-    """The rank of an error is how many are as large."""
-    ranks = (np.abs(errors)[None] >= np.abs(errors)[:, None]).sum(1)
-    return (1 / ranks) / (1 / ranks).sum()
 
 
 def by_hand(online, target, optimiser, batch, gamma, tau):
@@ -166,12 +133,8 @@ HINTED = [  # by the second hint of 0.3
 OTHERS = [
     *(("flown_by_hand", flight) for flight in HINTED),
     ("permutation_p", by_sets),
-    ("missions_needed", lambda *case: float(by_the_library(*case))),
     ("crosses", by_fractions),
     ("rate_from_snr", np.vectorize(lambda snr_db: math.log2(1 + 10 ** (snr_db / 10)))),
-    ("data_of_a_step", by_whole_slots),
-    ("epsilon_greedy", by_loops),
-    ("by_surprise", by_counting),
     ("mended_update", by_hand),
     (
         "expected_target",

@@ -94,11 +94,3 @@ def test_a_knob_turned_while_the_cell_runs_acts_at_once():
     finally:
         client.stop_channels()
         manager.shutdown_kernel(now=True)
-
-
-def test_without_widgets_there_is_a_progress_bar(live, monkeypatch):
-    monkeypatch.delattr(module, "ipywidgets")
-    monkeypatch.setattr(module, "display", None)
-    for step in (80, 160):
-        asyncio.run(live.show(step, to_the_north, 0.5, 0.5))
-    assert live.bar.n == live.bar.total == 160 and len(live.points) == 2

@@ -1,8 +1,6 @@
 """`challenge`: a competition for a class."""
 
-import signal
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -43,7 +41,6 @@ def score(
     leaderboard: Path | None = None,
     scenario: str | None = None,
     seconds: Annotated[float, Parameter(validator=Number(gt=0, lte=86_400))] = 300,
-    name: str | None = None,
     unprotected: bool = False,
 ) -> None:
     """Fly submissions and print their scores.
@@ -59,18 +56,14 @@ def score(
         leaderboard: a file to enter the scores in.
         scenario: the practice set's preset, by default manhattan; a secret has its own.
         seconds: time limit of a submission.
-        name: the name to enter one submission under; it may replace a score of that name.
         unprotected: run it without walls, with all that you may do: for code that you have read.
     """
     if secret and scenario is not None:
         raise InputError("--scenario is that of the practice set: --secret has its own")
     flown = Challenge.load(secret) if secret else Challenge(scenario or "manhattan")
     every = (submission, *submissions)
-    if name is not None and submissions:
-        raise InputError("--name names one submission: score the others by themselves")
-    names = [entry_name(path, name) for path in every]  # all are looked at before the first flies
-    if twice := [one for one in names if names.count(one) > 1]:
-        raise InputError(f"two submissions would be {twice[0]}: score them one by one, with --name")
+    for one in every:  # all are looked at before the first flies
+        entry_name(one)
     if not (secret or unprotected):  # for practice, on a student's own machine
         try:
             program()
@@ -80,26 +73,15 @@ def score(
     kept: AbstractContextManager[dict] = nullcontext({})
     with opened(leaderboard, flown) if leaderboard else kept as board:
         for path in every:
-            with _terminated_as_interrupted():
-                result = flown_score(flown, path, seconds, name, unprotected)
+            result = flown_score(flown, path, seconds, unprotected)
             called = result["name"]
             if result["failed"]:
                 print(f"{called}: failed: {result['failed']}")
             else:
                 means = (f"{m} {interval_text(m, Interval(*result[m]))}" for m in SCORED)
                 print(f"{called}: {', '.join(means).replace('_', ' ')}, {result['seconds']} s")
-            if leaderboard and (before := enter(leaderboard, board, result, name is not None)):
+            if leaderboard and (before := enter(leaderboard, board, result)):
                 print(f"{called}: replaces the score of {before['when']}")
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM does what Ctrl-C does: else a submission would fly on for ever."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 @challenge.command

@@ -42,17 +42,12 @@ def check(assignment: str, /, *, course: Path = COURSE) -> None:
         course: the folder with exercises/ and submitted/ in it.
     """
     sheets = handed_in.look_through(course, assignment)
-    width = max(len(sheet.student) for sheet in sheets)
     for sheet in sheets:
-        answered = "no sheet" if sheet.missing else f"{sheet.answered} of {sheet.of} answered"
-        print(f"{one_line(sheet.student):<{width}}  {answered}")
+        print(f"{one_line(sheet.student)}: {sheet.answered} answered")
         for note in sheet.notes + [f"{note} (for you alone)" for note in sheet.private]:
-            print(f"{'':<{width}}  - {one_line(note)}")
-    odd = sum(bool(sheet.notes + sheet.private) for sheet in sheets)
+            print(f"  - {one_line(note)}")
     aside = sum(sheet.notebook is None for sheet in sheets)
-    print(f"{len(sheets)} students, {odd} with notes, {aside} without anything to grade")
-    if not handed_in.is_in_grade_book(course, assignment):
-        print(f"Before you grade, run here: nbgrader generate_assignment --force {assignment}")
+    print(f"{len(sheets)} students, {aside} without anything to grade")
 
 
 @classroom.command(name="return")

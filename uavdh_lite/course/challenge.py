@@ -9,7 +9,7 @@ import os
 import secrets
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -25,7 +25,7 @@ from uavdh_lite.errors import InputError, one_line
 from uavdh_lite.evaluation import Policy, evaluate
 from uavdh_lite.policies import known_policies
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.storage import write_json
+from uavdh_lite.storage import read_json, write_json
 from uavdh_lite.streams import Use
 
 SCORED = ("collected_and_landed", "landed", "return")
@@ -83,27 +83,25 @@ class Challenge:
             raise InputError(f"{path}: is not what `challenge new` made") from None
 
 
-def entry_name(submission: str, name: str | None = None) -> str:
-    """The name of a submission on a board: `name`, or "alice" for a folder, "alice/my_policy" for
-    a file.
+def entry_name(submission: str) -> str:
+    """The name of a submission on a board: "alice" for a folder, "alice/my_policy" for a file.
 
     A planner or shipped agent keeps its own. Raises `InputError` if there is no such submission, if
-    it is a link, or if a file is to have a planner's or agent's name or one that cannot be printed.
+    it is a link, or if a folder has a planner's or agent's name or one that cannot be printed.
     """
     known, path = known_policies(), Path(submission)
-    if submission in known and name is None:
+    if submission in known:
         return submission
-    if submission not in known and not (path.is_file() or (path / "policy.py").is_file()):
+    if not (path.is_file() or (path / "policy.py").is_file()):
         raise InputError(
             f"submission {submission}: no such file, folder with policy.py, planner or agent"
         )
     if path.is_symlink():
         raise InputError(f"submission {submission}: is a link; score what it leads to")
     place = path.resolve()
-    if name is None:
-        name = place.name if place.is_dir() else f"{place.parent.name}/{place.stem}"
-    if name in known or not name.strip() or not name.isprintable():
-        raise InputError(f"name {name!r}: must be printable, and not that of a planner or an agent")
+    name = place.name if place.is_dir() else f"{place.parent.name}/{place.stem}"
+    if name in known or not name.isprintable():
+        raise InputError(f"{name!r}: must be printable, and not the name of a planner or an agent")
     return name
 
 
@@ -118,11 +116,7 @@ class _Pilot(Policy):
 
 
 def score(
-    challenge: Challenge,
-    submission: str,
-    seconds: float = 300,
-    name: str | None = None,
-    unprotected: bool = False,
+    challenge: Challenge, submission: str, seconds: float = 300, unprotected: bool = False
 ) -> dict:
     """What a submission scores: each of `SCORED` as mean, low and high, or why it failed.
 
@@ -131,13 +125,11 @@ def score(
             `policy(environment, state)`, or a folder with such a `policy.py`. It can read nothing
             but this file or folder.
         seconds: limit of time, from its start to the last landing.
-        name: see `entry_name`.
         unprotected: see `walls.Walled`.
     """
     started = time.time()
-    known = submission in known_policies()
-    sheet = None if known else Path(submission).resolve()
-    result = {"name": entry_name(submission, name), "file": sheet and str(sheet), "failed": None}
+    sheet = None if submission in known_policies() else Path(submission).resolve()
+    result = {"name": entry_name(submission), "failed": None}
     try:
         with Walled(sheet, unprotected=unprotected) as walled:
             outcome = _flown(walled, challenge, str(walled.sheet or submission), seconds)
@@ -189,30 +181,27 @@ def opened(path: Path, challenge: Challenge) -> Iterator[dict]:
         yield board
 
 
-def enter(path: Path, board: dict, score: dict, replace: bool = False) -> dict | None:
+def enter(path: Path, board: dict, score: dict) -> dict | None:
     """Enter a score in an `opened` leaderboard and write it, with the newest score of each name.
 
-    Returns the score that it replaces, if any. A failure replaces none. Raises `InputError` if the
-    name is that of another file's score, unless `replace` is given.
+    Returns the score that it replaces, if any. A failure replaces none.
     """
-    file = score["file"]
-    with suppress(ValueError):  # on another drive
-        file = file and Path(os.path.relpath(file, path.resolve().parent)).as_posix()
-    before = board["scores"].get(score["name"])
-    if before and before["file"] != file and not replace:
-        said = f"{path} has a score of {score['name']}, from {one_line(before['file'])}"
-        raise InputError(f"{said}: give {file} another --name")
+    before = None
     if score["failed"]:
-        board["failures"].append({**score, "file": file})
+        board["failures"].append(score)
     else:
-        board["scores"][score["name"]] = {**score, "file": file}
+        before = board["scores"].get(score["name"])
+        board["scores"][score["name"]] = score
     write_json(path, board)
-    return None if score["failed"] else before
+    return before
 
 
 def leaderboard(path: Path) -> str:
     """A leaderboard as a Markdown table, ranked by the columns from left to right."""
-    board = _board(path)
+    return _table(_board(path))
+
+
+def _table(board: dict) -> str:
     practice = Challenge(board["scenario"], board["episodes"]).fingerprint == board["fingerprint"]
     kind = "practice" if practice else "hidden"
     said = f"{board['scenario']}, {board['episodes']} {kind} missions ({board['fingerprint']})"
@@ -223,7 +212,7 @@ def leaderboard(path: Path) -> str:
         one, rank = board["scores"][name], 1 + places.index(scores[name])
         forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
         cells = [form.format(*one[name]) for form, name in zip(forms, SCORED, strict=True)]
-        lines.append(f"| {rank} | {_cell(one['name'])} | {' | '.join(cells)} |")
+        lines.append(f"| {rank} | {_cell(name)} | {' | '.join(cells)} |")
     failures = board["failures"]
     lines += [f"- failed: {_cell(one['name'])}: {_cell(one['failed'])}" for one in failures]
     return "\n".join(lines)
@@ -234,10 +223,11 @@ def _cell(text: str) -> str:
 
 
 def _board(path: Path) -> dict:
-    """The leaderboard in a file; `InputError` that names the file if it is none."""
+    """The leaderboard in a file; `InputError` that names the file if it is none, or damaged."""
+    board = read_json(path)
     try:
-        board = json.loads(path.read_text(encoding="utf-8"))
-        known = ("scenario", "episodes", "fingerprint", "scores", "failures")
-        return {name: board[name] for name in known}
-    except (ValueError, TypeError, KeyError) as error:
-        raise InputError(f"{path}: no leaderboard ({error})") from None
+        _table(board)
+    except (ValueError, TypeError, LookupError, AttributeError) as error:
+        said = f"no leaderboard, or a damaged one ({type(error).__name__}: {error})"
+        raise InputError(f"{path}: {said}") from None
+    return board

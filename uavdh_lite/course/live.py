@@ -4,7 +4,6 @@ import asyncio
 import html
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -12,16 +11,16 @@ import numpy as np
 from IPython.display import display
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from tqdm.auto import tqdm
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER, LAND, MOVES, Environment, State
+from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import FunctionPolicy, fly
 from uavdh_lite.one_file import Settings
 from uavdh_lite.plotting import BLUE, ORANGE, draw_trajectory
 from uavdh_lite.streams import Use, stream
 
-with suppress(ImportError):  # without them there is a progress bar
+with extra("notebooks"):
     import ipywidgets
 
 SECONDS = 1.0  # between two pictures
@@ -33,28 +32,20 @@ def _price(settings: Settings, value) -> None:
     settings.crash_at_first, settings.crash_at_last = grows if value == "grows" else (value, value)
 
 
+def _follows(settings: Settings, value: str) -> None:
+    settings.target_rate = Settings().target_rate if value == "follows" else 0.0
+
+
+def _sets(name: str) -> Callable:
+    return lambda settings, value: setattr(settings, name, value)
+
+
 KNOBS: dict[str, tuple[tuple, object, Callable]] = {  # choices, the usual one, what it sets
     "price of a crash": ((0.0, 5.0, "grows", 20.0, 150.0), "grows", _price),
-    "learning rate": (
-        (0.0, 2e-4, 2e-3, 2e-2, 0.2),
-        2e-3,
-        lambda settings, value: setattr(settings, "learning_rate", value),
-    ),
-    "temperature": (
-        (0.001, 0.1, 1.0, 10.0, 1000.0),
-        0.1,
-        lambda settings, value: setattr(settings, "temperature", value),
-    ),
-    "target network": (
-        ("follows", "frozen"),
-        "follows",
-        lambda settings, value: setattr(settings, "target_rate", 0.005 * (value == "follows")),
-    ),
-    "memory": (
-        (320, 40_000),
-        40_000,
-        lambda settings, value: setattr(settings, "memory", value),
-    ),
+    "learning rate": ((0.0, 2e-4, 2e-3, 2e-2, 0.2), 2e-3, _sets("learning_rate")),
+    "temperature": ((0.001, 0.1, 1.0, 10.0, 1000.0), 0.1, _sets("temperature")),
+    "target network": (("follows", "frozen"), "follows", _follows),
+    "memory": ((320, 40_000), 40_000, _sets("memory")),
 }
 
 
@@ -72,13 +63,9 @@ class Live:
         self.settings, self.environment, self.missions = settings, environment, missions
         self.mission, self.drawn = 0, -np.inf
         self.points: list[tuple[float, ...]] = []
-        self.handle: Any = None  # of the figure, and in its place a progress bar
-        self.bar: Any = None
+        self.handle: Any = None  # of the figure
 
     def _begin(self) -> None:
-        if "ipywidgets" not in globals():
-            self.bar = tqdm(total=self.settings.steps, unit="step")
-            return
         knobs = []
         for name, (choices, usual, act) in KNOBS.items():
             knob = ipywidgets.SelectionSlider(options=choices, value=usual, description=name)
@@ -100,15 +87,13 @@ class Live:
             q_values: (B, 6) of states, by the agent as it is now.
             shares: landed, and collected and landed.
         """
-        if not self.points and not self.handle and not self.bar:
+        if not self.handle:
             self._begin()
         if shares:
             self.points.append((step, *shares))
-        if self.bar:
-            self.bar.update(step - self.bar.n)
-        elif shares and (time.monotonic() - self.drawn > SECONDS or step >= self.settings.steps):
-            self.handle.update(self.picture(q_values))
-            self.drawn = time.monotonic()
+            if time.monotonic() - self.drawn > SECONDS or step >= self.settings.steps:
+                self.handle.update(self.picture(q_values))
+                self.drawn = time.monotonic()
         await asyncio.sleep(0)  # the kernel reads its messages now: a knob may have been turned
 
     def picture(self, q_values: Callable[[State], np.ndarray]) -> Figure:
@@ -135,15 +120,13 @@ class Live:
         return draw_actions(ax, self.environment.cities[0], act.act(everywhere))
 
 
-if "ipywidgets" in globals():
+class Knobs(ipywidgets.VBox):
+    """The knobs; a page without a kernel says which there are."""
 
-    class Knobs(ipywidgets.VBox):
-        """The knobs; a page without a kernel says which there are."""
-
-        def _repr_mimebundle_(self, **options) -> dict:
-            names = html.escape(", ".join(KNOBS))
-            text = f"<p>In a running notebook there are knobs here: {names}, mission.</p>"
-            return {**super()._repr_mimebundle_(**options), "text/html": text}
+    def _repr_mimebundle_(self, **options) -> dict:
+        names = html.escape(", ".join(KNOBS))
+        text = f"<p>In a running notebook there are knobs here: {names}, mission.</p>"
+        return {**super()._repr_mimebundle_(**options), "text/html": text}
 
 
 def draw_actions(ax: Axes, city: City, actions: np.ndarray) -> Axes:

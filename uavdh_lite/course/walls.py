@@ -15,7 +15,9 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
+from dataclasses import replace
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -24,6 +26,8 @@ from typing import Any
 import matplotlib
 import numpy as np
 
+from uavdh_lite.course import given
+from uavdh_lite.course.given import Unfit
 from uavdh_lite.course.inside import MEMORY, NOBODY, PROCESSES, packed, received, sent, unpacked
 from uavdh_lite.errors import InputError
 from uavdh_lite.storage import data_folder
@@ -34,8 +38,6 @@ SCRATCH = 1 << 28  # bytes that a process may write, all in all
 GRACE = 10  # seconds until what ignores an interrupt is ended
 KEPT = 4096  # bytes of what a process says itself: the end, which says why it failed
 PACKAGE = Path(__file__).parents[1]
-BESIDE = {"mended_update", "dueling_head", "mended_round"}
-"""Exercises that are judged inside: what they hand over is no data, so the check is beside it."""
 NO_WALLS = (
     "nothing here keeps what students wrote apart: install bubblewrap (apt-get install bubblewrap),"
     f" or docker or podman and the image {IMAGE}. Without them a submission can read and change all"
@@ -67,30 +69,28 @@ def _readable() -> list[Path]:
     return sorted(places, key=lambda place: len(place.parts))
 
 
-def _environment(checks: bool) -> dict[str, str]:
+def _environment() -> dict[str, str]:
     values = {"HOME": "/tmp", "PATH": "/usr/bin:/bin", "PYTHONPATH": str(PACKAGE.parent)}
     values |= {"LANG": "C.UTF-8", "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
-    return values | {"MPLCONFIGDIR": "/tmp/fonts", "WALLED": "checks" if checks else "yes"}
+    return values | {"MPLCONFIGDIR": "/tmp/fonts", "WALLED": "yes"}
 
 
-def _command(program: str, name: str, checks: bool = False, sheet: Path | None = None) -> list[str]:
+def _command(program: str, name: str, sheet: Path | None = None) -> list[str]:
     """The words before Python's own arguments."""
     if program == "bwrap":
-        return _bubblewrap(checks, sheet)
+        return _bubblewrap(sheet)
     command = [program, "run", "--rm", "--interactive", "--name", name, "--memory", str(MEMORY)]
     words = f"--network none --read-only --cap-drop ALL --pids-limit {PROCESSES} --tmpfs /tmp"
     words += f" --security-opt no-new-privileges --user {NOBODY}:{NOBODY} --workdir /tmp"
-    command += words.split()
-    if not checks:
-        command += ["--tmpfs", f"{IN_IMAGE}/uavdh_lite/course/checks"]
+    command += [*words.split(), "--tmpfs", f"{IN_IMAGE}/uavdh_lite/course/checks"]
     if sheet:
         command += ["--volume", f"{sheet}:/sheet/{sheet.name}:ro"]
-    for key, value in (_environment(checks) | {"PYTHONPATH": IN_IMAGE}).items():
+    for key, value in (_environment() | {"PYTHONPATH": IN_IMAGE}).items():
         command += ["--env", f"{key}={value}"]
     return [*command, IMAGE, "python"]
 
 
-def _bubblewrap(checks: bool, sheet: Path | None) -> list[str]:
+def _bubblewrap(sheet: Path | None) -> list[str]:
     words = ["bwrap --die-with-parent --new-session --clearenv --unshare-ipc --unshare-pid"]
     words += ["--unshare-net --unshare-uts --unshare-cgroup-try"]
     as_root = "--cap-add CAP_SETUID --cap-add CAP_SETGID"  # with which it becomes nobody
@@ -105,14 +105,13 @@ def _bubblewrap(checks: bool, sheet: Path | None) -> list[str]:
         command += ["--perms", "0755", "--dir", str(parent)]
     for place in map(str, _readable()):
         command += ["--ro-bind", place, place]
-    if not checks:
-        command += ["--tmpfs", str(PACKAGE / "course" / "checks")]
+    command += ["--tmpfs", str(PACKAGE / "course" / "checks")]
     if sheet:
         command += ["--perms", "0755", "--dir", "/sheet"]
         command += ["--ro-bind", str(sheet), f"/sheet/{sheet.name}"]
     for fonts in Path(matplotlib.get_cachedir()).glob("fontlist-*.json"):
         command += ["--ro-bind", str(fonts), f"/tmp/fonts/{fonts.name}"]  # it takes long to make
-    for key, value in _environment(checks).items():
+    for key, value in _environment().items():
         command += ["--setenv", key, value]
     return [*command, "--remount-ro", "/", sys.executable]
 
@@ -122,14 +121,13 @@ class Walled:
 
     Arguments:
         sheet: a file or folder of the student's that it may read.
-        checks: whether the checks, with their solutions, are within, too.
         unprotected: whether it runs without walls, as whoever started it.
 
     Raises `InputError` if there are no walls here. What it is asked raises `Lost` once the process
     has ended, or had to be ended.
     """
 
-    def __init__(self, sheet: Path | None = None, checks: bool = False, unprotected: bool = False):
+    def __init__(self, sheet: Path | None = None, unprotected: bool = False):
         self.program = "" if unprotected else program()
         self.folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         self.name, environment = f"walled-{secrets.token_hex(8)}", dict(os.environ)
@@ -137,13 +135,13 @@ class Walled:
         self.watch = threading.Timer(0, lambda: None)
         if self.program:
             sheet = sheet and self._readable(sheet)
-            command = _command(self.program, self.name, checks, sheet)
+            command = _command(self.program, self.name, sheet)
             self.sheet = sheet and Path("/sheet", sheet.name)
         else:
             kept = ("PATH", "SYSTEMROOT", "PATHEXT")  # without which nothing starts on Windows
-            environment = _environment(checks) | {k: os.environ[k] for k in kept if k in os.environ}
+            environment = _environment() | {k: os.environ[k] for k in kept if k in os.environ}
             environment |= {"HOME": self.folder.name, "MPLCONFIGDIR": matplotlib.get_cachedir()}
-            environment["WALLED"] = "checks" if checks else ""
+            environment["WALLED"] = ""
             command = [sys.executable]
         pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
         self.process = subprocess.Popen(
@@ -219,26 +217,27 @@ class Walled:
         reply = self.ask({"answer": name})
         if "value" in reply:
             return self._read(reply["value"])
-
-        def function(*given):
-            return self.call(*given)
-
-        function.__name__, function.__module__ = str(reply["name"]), str(reply["module"])
-        return function
+        own = {"__module__": str(reply["module"]), "__name__": str(reply["name"])}
+        called = type("Called", (), {**own, "__call__": lambda _, *given: self.call(*given)})
+        return called if reply["class"] else called()
 
     def load(self, place: str, scenario: str) -> None:
         """Make a policy what `call` calls; see `challenge.score`."""
         self._called({"load": True}, (place, scenario))
 
-    def call(self, *given) -> Any:
-        """Call the answer that was asked for last, or the policy, with data."""
-        return self._called({}, given)
+    def call(self, *given, ask: str | None = None) -> Any:
+        """Call the answer that was asked for last, or the policy, with data.
+
+        Arguments:
+            ask: the function of `given` that asks the answer, if it is not called itself.
+        """
+        return self._called({"ask": ask}, given)
 
     def _called(self, message: dict, given: tuple) -> Any:
         reply = self.ask(message | {"arguments": packed([*given])})
         print(str(reply.get("said", ""))[:KEPT], end="")
-        if "arguments" in reply:
-            _follow([*given], self._read(reply["arguments"]))
+        for own, now in zip(given, self._read(reply.get("arguments", [])), strict=False):
+            _follow(own, now)
         if "raised" in reply:
             raise _error(str(reply["raised"]), str(reply.get("text")), str(reply.get("where")))
         return self._read(reply.get("value"))
@@ -246,13 +245,13 @@ class Walled:
     def _read(self, value: Any) -> Any:
         try:
             return unpacked(value)
-        except Exception as error:
+        except Exception as error:  # whatever a hostile reply makes of it
             raise Lost(f"what it gives cannot be read ({type(error).__name__})") from None
 
 
 def _error(kind: str, text: str, where: str) -> BaseException:
     """An error like the one within; `where` is the line of the student's that it went through."""
-    known = getattr(builtins, kind, None)
+    known = Unfit if kind == Unfit.__name__ else getattr(builtins, kind, None)
     fits = isinstance(known, type) and issubclass(known, Exception | KeyboardInterrupt)
     base: Any = known if fits else Exception
     own = {"__init__": lambda _: None, "__str__": lambda _: text, "where": where}
@@ -260,14 +259,9 @@ def _error(kind: str, text: str, where: str) -> BaseException:
 
 
 def _follow(own: Any, now: Any) -> None:
-    """Let arguments become what the function within has made of them."""
-    with suppress(AttributeError, TypeError, ValueError, RuntimeError):
-        if isinstance(own, tuple) or (isinstance(own, list) and len(own) == len(now)):
-            for k, (one, other) in enumerate(zip(own, now, strict=True)):
-                if isinstance(own, list) and isinstance(one, bool | int | float | str | None):
-                    own[k] = other
-                _follow(one, other)
-        elif isinstance(own, list):
+    """Let an argument become what the function within has made of it."""
+    with suppress(Exception):  # a hostile function may have sent anything
+        if isinstance(own, list):
             own[:] = now
         elif isinstance(own, np.ndarray):
             own[...] = now
@@ -290,8 +284,11 @@ def judged(walled: Walled, exercise: Any, name: str, seconds: float) -> tuple[st
     walled.begin(seconds)
     before = signal.signal(signal.SIGINT, stop)
     try:
+        answer = walled.answer(name)
+        if exercise.ask.__module__ == given.__name__:  # it asks within the walls
+            exercise = replace(exercise, ask=_ask_within(walled, answer, exercise.ask))
         with redirect_stdout(said):
-            exercise(walled.answer(name))
+            exercise(answer)
     except CheckFailed as failed:
         wrong = f"Not yet. {failed}"
     finally:
@@ -299,3 +296,12 @@ def judged(walled: Walled, exercise: Any, name: str, seconds: float) -> tuple[st
     if stopped:
         raise KeyboardInterrupt
     return said.getvalue(), wrong
+
+
+def _ask_within(walled: Walled, answer: Any, ask: Callable) -> Callable:
+    """Asks the answer within the walls, and solution and mistakes here."""
+
+    def asked(one, *case):
+        return walled.call(*case, ask=ask.__name__) if one is answer else ask(one, *case)
+
+    return asked

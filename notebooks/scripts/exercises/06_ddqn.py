@@ -42,6 +42,7 @@ if project:
 # %matplotlib inline
 import numpy as np
 import torch
+from matplotlib import pyplot as plt
 from torch import nn
 
 from uavdh_lite.course import checks
@@ -117,6 +118,17 @@ def epsilon_greedy(q, epsilon):
 
 # %%
 checks.epsilon_greedy(epsilon_greedy)
+
+# %%
+q = torch.tensor([[3.0, 2.9, 2.0, 1.0, 0.0, -4.0]])
+for k, (name, chances) in enumerate(
+    {"ε = 0.3": epsilon_greedy(q, 0.3), "softmax, β = 1": torch.softmax(q, dim=1)}.items()
+):
+    plt.bar(np.arange(6) + 0.4 * (k - 0.5), chances[0], 0.4, label=name)
+plt.xticks(range(6), q[0].tolist())
+plt.xlabel("Q-value of an action")
+plt.ylabel("probability")
+plt.legend();
 
 # %% [markdown]
 # The figure compares the two. Which one tries the action that is nearly as good, and which one the

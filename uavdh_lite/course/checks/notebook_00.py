@@ -30,12 +30,6 @@ from uavdh_lite.environment import ACTIONS
         "Every data unit counts the same: do not average the devices' own ratios.": (
             lambda c, i, landed: landed * np.mean([x / y for x, y in zip(c, i, strict=True) if y])
         ),
-        "Every data unit counts the same: do not average ratios. An empty device has no ratio.": (
-            lambda c, i, landed: landed * np.mean(np.divide(c, i))
-        ),
-        "That is the share that was left. The score is the share that was collected.": (
-            lambda collected, initial, landed: landed * (1 - sum(collected) / sum(initial))
-        ),
     },
 )
 def flight_score(collected, initial, landed):

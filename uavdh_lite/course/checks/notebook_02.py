@@ -76,10 +76,6 @@ TOUCHING += [
         "along the ray miss such a corner: compare whole numbers.": [
             ((0, 0), (m, m + 1), cell) for m in (9, 100, 10**6) for cell in ((0, 1), (1, 0))
         ],
-        "A ray may be a million cells long. The products then exceed what 32-bit whole numbers can "
-        "hold, about 2.1 billion: take Python's own, or 64 bits.": [
-            ((0, 0), (10**6, 10**6), (0, col)) for col in (1500, 4295)
-        ],
     },
 )
 def crosses(start, end, cell):
@@ -157,7 +153,7 @@ def called_table(sight):
 
 
 BUILDINGS = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
-RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
+RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4)}
 
 
 @exercise(
@@ -177,11 +173,7 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
             (2, (0, 1, 1, 0)),
             (3, (2, 1, 0, 2)),
         ],
-        "It must work for any table; in a large one, 16 bits cannot count the asymmetric pairs.": [
-            RANDOM[2] < 0.5,
-            RANDOM[2] < 0.9,
-            RANDOM[24] < 0.5,
-        ],
+        "It must work for any table.": [RANDOM[2] < 0.5, RANDOM[2] < 0.9, RANDOM[4] < 0.5],
     },
     mistakes={
         "Pairs of a cell with itself are in your count: there are n (n − 1) / 2 pairs of different "

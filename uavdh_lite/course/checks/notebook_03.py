@@ -4,7 +4,8 @@ import numpy as np
 
 from uavdh_lite.channel import rate
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.given import Unfit
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
 
 
@@ -57,7 +58,7 @@ def step_of(answer, flight, step):
     given = answer()
     several = given if isinstance(given, tuple | list) else ()
     if [len(part) if hasattr(part, "__len__") else 1 for part in several] != [6, 3]:
-        raise CheckFailed("Return two lists: six rewards of flight A, three of flight B.")
+        raise Unfit("Return two lists: six rewards of flight A, three of flight B.")
     return given["AB".index(flight)][step - 1]
 
 

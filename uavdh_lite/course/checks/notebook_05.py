@@ -140,14 +140,11 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
         "The flying time is missing: the first fully connected layer reads it, too.": (
             lambda *case: network_weights.solution(*case, time=0)
         ),
-        "The map has 2M − 1 cells a side, not M.": (
-            lambda *case: network_weights.solution(*case, side_of=int)
-        ),
     },
 )
-def network_weights(layers, size, kernels, kernel_size, strides, hidden, side_of=None, time=1):
+def network_weights(layers, size, kernels, kernel_size, strides, hidden, time=1):
     """`weights(layers, size, kernels, kernel_size, strides, hidden)`: of the centred Q-network."""
-    side, total = side_of(size) if side_of else 2 * size - 1, 0
+    side, total = 2 * size - 1, 0
     for stride in strides:
         total += kernels * (layers * kernel_size**2 + 1)
         side, layers = (side - kernel_size) // stride + 1, kernels

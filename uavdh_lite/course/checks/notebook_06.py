@@ -5,6 +5,7 @@ import torch
 from torch import nn
 
 from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.given import after_updates
 from uavdh_lite.streams import Use, stream
 
 
@@ -49,8 +50,6 @@ def expected(q, beta):
             lambda r, ended, gamma, q, beta: r + gamma * expected(q, beta)
         ),
     },
-    tolerance=1e-5,
-    smallest=1e-4,
     case=transitions,
 )
 def expected_target(reward, ended, gamma, q_next, beta):
@@ -65,19 +64,8 @@ def estimates(size, actions, epsilon):
     return torch.tensor(rows, dtype=torch.float32), epsilon
 
 
-def draw_exploration(ax, solution):
-    q = torch.tensor([[3.0, 2.9, 2.0, 1.0, 0.0, -4.0]])
-    for k, (name, chances) in enumerate(
-        {"ε = 0.3": solution(q, 0.3), "softmax, β = 1": torch.softmax(q, 1)}.items()
-    ):
-        ax.bar(np.arange(6) + 0.4 * (k - 0.5), chances[0].numpy(), 0.4, label=name)
-    ax.set_xticks(range(6), q[0].tolist())
-    ax.set(xlabel="Q-value of an action", ylabel="probability")
-
-
 @exercise(
     "6.2 · ε-greedy (2 points, 10 minutes)",
-    figure=draw_exploration,
     rules={
         "Without exploration, ε = 0, the best action of each row has probability 1.": [
             (1, 6, 0.0),
@@ -100,7 +88,6 @@ def draw_exploration(ax, solution):
         "ε and 1 − ε are swapped.": lambda q, epsilon: epsilon_greedy.solution(q, 1 - epsilon),
     },
     case=estimates,
-    tolerance=1e-5,
 )
 def epsilon_greedy(q, epsilon):
     """`epsilon_greedy(q, epsilon)`: the probabilities of all actions, (B, A)."""
@@ -158,27 +145,6 @@ def _share(weights):
     return weights / weights.sum()
 
 
-PROBE = torch.tensor([[0.0, 0.0], [1.0, 2.0]])  # cells about which both networks are asked
-
-
-def after_updates(update, seed, gamma, tau, updates, ends):
-    """Q-values of both networks for `PROBE` after so many updates: (online or target, cell, 4)."""
-    generator = stream(Use.EXERCISE, seed)
-    online, target = (nn.Sequential(nn.Linear(2, 8), nn.Tanh(), nn.Linear(8, 4)) for _ in range(2))
-    with torch.no_grad():
-        for weights in [*online.parameters(), *target.parameters()]:
-            weights.copy_(torch.tensor(generator.normal(0, 0.5, weights.shape)))
-    optimiser = torch.optim.SGD(online.parameters(), lr=0.05)
-    for _ in range(updates):
-        cell, after = (torch.tensor(generator.normal(0, 1, (16, 2))).float() for _ in range(2))
-        action = torch.tensor(generator.integers(0, 4, (16, 1)))
-        reward = torch.tensor(generator.normal(1, 1, (16, 1))).float()
-        ended = torch.tensor(generator.random((16, 1)) < ends).float()
-        update(online, target, optimiser, (cell, action, reward, after, ended), gamma, tau)
-    with torch.no_grad():
-        return torch.stack([online(PROBE), target(PROBE)]).numpy()
-
-
 def made(fault=""):
     """An update of notebook 6, with a fault."""
 
@@ -234,8 +200,6 @@ def made(fault=""):
         f"With γ = {gamma}, τ = {tau}, {updates} update{'s' * (updates > 1)} and {ends:.0%} of the "
         "steps at an end, Q-values [online or target, cell, action]"
     ),
-    tolerance=1e-4,
-    smallest=1e-5,
 )
 def mended_update(online, target, optimiser, batch, gamma, tau):
     """`update(online, target, optimiser, batch, gamma, tau)` of notebook 6, without the bugs."""

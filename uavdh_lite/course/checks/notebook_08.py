@@ -101,14 +101,10 @@ def results(count, together, ahead=0.3, scale=1.0):
         ],
     },
     mistakes={
-        "The sign is wrong: positive means that a is ahead of b.": lambda a, b: interval(b - a),
         "That is the unpaired interval: it adds both variances, as if each policy had flown "
         "missions of its own. Take the standard deviation of the differences a − b.": unpaired,
-        "You take the size of each difference, abs(a − b): so one policy would seem ahead "
-        "even of an equally good one. Keep the sign.": lambda a, b: interval(abs(a - b)),
     },
     tolerance=1e-3,
-    smallest=1e-6,
     case=results,
 )
 def lead(a, b):
@@ -180,9 +176,6 @@ def groups(a, b, parts=1):
         "That is one-sided: the other direction counts too, so take the absolute value of both "
         "differences.": lambda a, b: float(
             np.mean(differences(a, b) >= np.mean(a) - np.mean(b) - 1e-9)
-        ),
-        "The observed difference may be below 0: take its absolute value, too.": (
-            lambda a, b: float(np.mean(abs(differences(a, b)) >= np.mean(a) - np.mean(b) - 1e-9))
         ),
     },
     case=groups,

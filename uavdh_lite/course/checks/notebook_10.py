@@ -13,13 +13,6 @@ from uavdh_lite.planners import Greedy
 Z = 1.96  # 95 % of a standard normal lie within ± this
 
 
-def draw_needed(ax, needed):
-    for share in (0.95, 0.98, 0.99):
-        missions = [needed(share, crashes) for crashes in range(9)]
-        ax.plot(range(9), missions, "o-", label=f"{share:.0%}")
-    ax.set(xlabel="crashes among them", ylabel="missions to show that so many land")
-
-
 def low_end(landed, missions):
     """Wilson's."""
     p, n = landed / missions, missions
@@ -27,14 +20,8 @@ def low_end(landed, missions):
     return (p + Z**2 / (2 * n) - half) / (1 + Z**2 / n)
 
 
-def simple_low_end(landed, missions):
-    p = landed / missions
-    return p - Z * np.sqrt(p * (1 - p) / missions)
-
-
 @exercise(
     "10.1 · How many missions must land? (2 points, 12 minutes)",
-    figure=draw_needed,
     rules={
         "Without a crash, all n missions land. Find the smallest n at which the low end of "
         "Wilson's interval reaches the share.": [
@@ -57,22 +44,11 @@ def simple_low_end(landed, missions):
             (0.999, 5),
         ],
     },
-    mistakes={
-        "There the *observed* share reaches `share`. The low end of the interval must reach it.": (
-            lambda share, crashes: missions_needed.solution(share, crashes, lambda k, n: k / n)
-        ),
-        "That is the simple interval, a mere point as long as nothing crashes. Take Wilson's.": (
-            lambda share, crashes: missions_needed.solution(share, crashes, simple_low_end)
-        ),
-        "Your number is one too small: only with one more mission is the share reached.": (
-            lambda share, crashes: missions_needed.solution(share, crashes) - 1
-        ),
-    },
 )
-def missions_needed(share, crashes, low=low_end):
+def missions_needed(share, crashes):
     """`needed(share, crashes)`: the least missions that show that this share lands, at least."""
     n = crashes + 1
-    while low(n - crashes, n) < share:
+    while low_end(n - crashes, n) < share:
         n += 1
     return n
 

@@ -6,18 +6,8 @@ from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.streams import Use, stream
 
 
-def draw_old_share(ax, old_share):
-    steps = np.arange(0, 120_001, 1000)
-    for capacity in (10_000, 50_000, 100_000):
-        shares = [old_share(capacity, 60_000, int(after)) for after in steps]
-        ax.plot(steps, shares, label=f"capacity {capacity:,}")
-    ax.set(xlabel="steps since the city changed", ylabel="share from the old city")
-    ax.set_title("60,000 steps before the change")
-
-
 @exercise(
     "11.1 · What a memory still holds (1 point, 8 minutes)",
-    figure=draw_old_share,
     rules={
         "As long as nothing is overwritten, all items are there: the share is before / (before + "
         "after).": [(100, 30, 10), (100, 50, 50), (7, 1, 2)],
@@ -31,14 +21,6 @@ def draw_old_share(ax, old_share):
             (10, 30, 11),
         ],
         "If nothing has been added after the change, everything is old.": [(10, 30, 0), (10, 3, 0)],
-    },
-    mistakes={
-        "That is the share of all that was added. The memory holds `capacity` items at most.": (
-            lambda capacity, before, after: before / (before + after)
-        ),
-        "The memory need not be full: divide by the number of items that it holds.": (
-            lambda capacity, before, after: min(before, max(capacity - after, 0)) / capacity
-        ),
     },
 )
 def old_share(capacity, before, after):
@@ -54,10 +36,8 @@ def errors(sizes, floor):
     return np.array(sizes), floor
 
 
-def drawn(error, floor, size=abs, weight=np.reciprocal):
-    share = size(error) + floor
-    share = share / share.sum()
-    return share, weight(share) / weight(share).max()
+def chances(error, floor):
+    return (abs(error) + floor) / (abs(error) + floor).sum()
 
 
 @exercise(
@@ -75,18 +55,13 @@ def drawn(error, floor, size=abs, weight=np.reciprocal):
         ],
     },
     mistakes={
-        "An error of −3 surprises as much as one of 3: take the absolute value.": (
-            lambda error, floor: drawn(error, floor, size=np.asarray)
-        ),
-        "The weights are upside down: what is drawn more often must count less.": (
-            lambda error, floor: drawn(error, floor, weight=np.asarray)
-        ),
         "Scale the weights so that the largest is 1.": (
-            lambda error, floor: (drawn(error, floor)[0], 1 / drawn(error, floor)[0])
+            lambda error, floor: (chances(error, floor), 1 / chances(error, floor))
         ),
     },
     case=errors,
 )
 def prioritised(error, floor):
     """`prioritised(error, floor)`: each step's probability in a draw, and weight."""
-    return drawn(error, floor)
+    drawn = chances(error, floor)
+    return drawn, drawn.min() / drawn

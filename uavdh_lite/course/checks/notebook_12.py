@@ -52,10 +52,6 @@ def situation(name, cell, time_left):
         "You leave too little time: on top of the way home, action and landing take a unit each.": (
             lambda *case: failsafe_mask.solution(*case, spare=1)
         ),
-        "Ask for the distance from the cell that the action leads to, not from the cell where the "
-        "UAV is.": lambda distance, next_cell, *others: failsafe_mask.solution(
-            distance, np.arange(len(distance))[:, None].repeat(6, 1), *others
-        ),
         "Only in the zone is a landing sure to fit. Elsewhere it is refused, and costs a unit of "
         "time, as hovering does.": lambda distance, next_cell, *others: (
             failsafe_mask.solution(distance, next_cell, *others) | (np.arange(6) == LAND)
@@ -110,15 +106,12 @@ def one_device(rate, left):
         "Only one device sends in a slot, so all share the four slots. You give each all four.": (
             lambda rate, left: np.minimum(4 * rate, left[:, None, None]).sum(0)
         ),
-        "A step has four slots, not one.": (
-            lambda rate, left: data_of_a_step.solution(rate, left, slots=1)
-        ),
     },
 )
-def data_of_a_step(rate, left, slots=4):
+def data_of_a_step(rate, left):
     """`brings(rate, left)`: the data of a step over each cell, by the rule of the slots, (M, M)."""
     rest = np.repeat(left.astype(float), rate[0].size).reshape(rate.shape)
-    for _ in range(slots):
+    for _ in range(4):
         heard = np.where(rest > 0, rate, -1)
         rest = np.where(heard == heard.max(0), rest - np.minimum(rate, rest), rest)
     return left.sum() - rest.sum(0)

@@ -39,11 +39,6 @@ def numbered(channels, side, *asked):
         "The map is right, but the action is that of the old map.": (
             lambda layers, action, *how: (view.solution(layers, action, *how)[0], action)
         ),
-        "You turn first and then mirror; it must be the other way round.": (
-            lambda layers, action, turns, mirrored: view.solution(
-                layers, action, -turns if mirrored else turns, mirrored
-            )
-        ),
     },
     case=numbered,
 )

@@ -17,14 +17,6 @@ def along(cells, resembles, step_m=10):
     return np.round(left_db, 1), step_m
 
 
-def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
-    off = left_db - left_db.mean() * centred
-    for k in range(1, len(off)):
-        if pairs(off[k:] * off[:-k]) / pairs(off**2) < limit:
-            return k * step_m
-    return len(off) * step_m
-
-
 @exercise(
     "14.1 · How far does a shadow reach? (2 points, 12 minutes)",
     rules={
@@ -47,21 +39,19 @@ def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
         ],
     },
     mistakes={
-        "That is a number of cells: multiply it by step_m.": (
-            lambda left_db, step_m: first_below(left_db, 1)
-        ),
-        "Subtract the mean first: values that are all low need not be correlated.": (
-            lambda left_db, step_m: first_below(left_db, step_m, centred=False)
-        ),
-        "The further apart the cells, the fewer pairs there are: compare means, not sums.": (
-            lambda left_db, step_m: first_below(left_db, step_m, pairs=np.sum)
+        "That is a number of cells: multiply it by step_m.": lambda left_db, step_m: (
+            shadow_reach.solution(left_db, 1)
         ),
     },
     case=along,
 )
 def shadow_reach(left_db, step_m):
     """`reach_m(left_db, step_m)`: the first distance at which ρ is below 1/e, m."""
-    return float(first_below(left_db, step_m))
+    off = left_db - left_db.mean()
+    for k in range(1, len(off)):
+        if np.mean(off[k:] * off[:-k]) / np.mean(off**2) < 1 / np.e:
+            return float(k * step_m)
+    return float(len(off) * step_m)
 
 
 def arrays(*rows):
@@ -87,12 +77,6 @@ def prior(line_db, heard_db, weight):
     mistakes={
         "The line must count as one measurement: the 1 in the denominator is missing.": (
             lambda line, heard, w: line + np.sum(w * (heard - line)) / max(np.sum(w), 1e-300)
-        ),
-        "Divide by 1 + the sum of the weights, not by 1 + their number.": (
-            lambda line, heard, w: line + np.sum(w * (heard - line)) / (1 + len(w))
-        ),
-        "The weights belong to the errors, heard − line, and not to the SNRs themselves.": (
-            lambda line, heard, w: line + np.sum(w * heard) / (1 + np.sum(w))
         ),
     },
     case=lambda *row: prior(*arrays(*row)),
