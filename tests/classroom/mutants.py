@@ -4,7 +4,6 @@ import ast
 import copy
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 SCRIPTS = Path(__file__).parents[2] / "notebooks" / "scripts" / "exercises"
@@ -25,21 +24,6 @@ NAMES = {
     **{"no_fly": ["buildings"], "landing": ["no_fly"], "where": ["minimum"]},
 }
 UNWRAPPED = {"abs", "sqrt", "int", "float"}
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """A faulty solution: which exercise, the line of the solution, the fault, the code."""
-
-    exercise: str
-    line: str
-    fault: str
-    source: str
-
-    @property
-    def key(self) -> str:
-        """What names it in the list of equivalent mutants."""
-        return f"{self.line} -> {self.fault}"
 
 
 def _replacements(node: ast.AST) -> Iterator[ast.AST]:
@@ -84,7 +68,8 @@ def _replacements(node: ast.AST) -> Iterator[ast.AST]:
         case ast.Constant(value=float(value)):
             yield ast.Constant(value * 1.01 + 0.001)
             yield ast.Constant(value * 0.9 - 0.01)
-            yield ast.Constant(-value - 1e-9)
+            if value:
+                yield ast.Constant(-value)
         case ast.Constant(value=str(value)) if " " not in value:  # else a docstring
             yield ast.Constant(value + "x")
         case ast.Constant(value=None):
@@ -126,21 +111,18 @@ def _replacements(node: ast.AST) -> Iterator[ast.AST]:
         yield ast.Pass()
 
 
-def _mutations(tree: ast.AST) -> Iterator[tuple[ast.AST, ast.AST, ast.AST]]:
-    """For each fault: a tree with it, the node that was replaced, the other one."""
-    nodes = list(ast.walk(tree))
-    for number, node in enumerate(nodes):
+def _mutations(tree: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
+    """For each fault: a tree with it, and the node that was replaced."""
+    for number, node in enumerate(ast.walk(tree)):
         for other in _replacements(node):
             faulty = copy.deepcopy(tree)
             target = list(ast.walk(faulty))[number]
-            for parent in ast.walk(faulty):
-                for name, value in ast.iter_fields(parent):
-                    if value is target:
-                        setattr(parent, name, copy.deepcopy(other))
-                    elif isinstance(value, list) and any(one is target for one in value):
-                        places = [copy.deepcopy(other) if one is target else one for one in value]
-                        setattr(parent, name, places)
-            yield ast.fix_missing_locations(faulty), node, other
+
+            class Replaced(ast.NodeTransformer):
+                def visit(self, one, target=target, other=other):
+                    return copy.deepcopy(other) if one is target else self.generic_visit(one)
+
+            yield ast.fix_missing_locations(Replaced().visit(faulty)), node
 
 
 def code_of(script: Path) -> str:
@@ -183,11 +165,11 @@ def solved_in(script: Path) -> dict[str, list[str]]:
     return found
 
 
-def mutants(script: Path, exercise: str) -> Iterator[Mutant]:
-    """All mutants of an exercise's solution; takes a while."""
+def mutants(script: Path, exercise: str) -> Iterator[tuple[str, str]]:
+    """What names each fault, "the line -> the faulty line", and the code with it."""
     for code in solved_in(script)[exercise]:
         tree, seen = ast.parse(code), {ast.unparse(ast.parse(code))}
-        for faulty, node, _ in _mutations(tree):
+        for faulty, node in _mutations(tree):
             try:
                 source = ast.unparse(faulty)
                 ast.parse(source)
@@ -196,7 +178,7 @@ def mutants(script: Path, exercise: str) -> Iterator[Mutant]:
             if source in seen:
                 continue
             seen.add(source)
-            before, after = code.splitlines(), source.splitlines()
-            at = getattr(node, "lineno", 1) - 1
-            differing = [b for b in after if b not in before] or ["(removed)"]
-            yield Mutant(exercise, before[at].strip(), differing[0].strip(), source)
+            before = code.splitlines()
+            differing = [line.strip() for line in source.splitlines() if line not in before]
+            line = before[getattr(node, "lineno", 1) - 1].strip()
+            yield f"{line} -> {differing[0] if differing else '(removed)'}", source

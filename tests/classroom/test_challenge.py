@@ -187,7 +187,7 @@ def test_hidden_missions_differ_and_are_not_overwritten(tmp_path):
         second.save(tmp_path / "secret.json")
     if sys.platform != "win32":
         assert (tmp_path / "secret.json").stat().st_mode & 0o777 == 0o600
-    for wrong in ({"seed": None}, {"episodes": 1.5}, {"scenario": "nowhere"}, {"x": 1}):
+    for wrong in ({"scenario": "nowhere"}, {"x": 1}):
         (tmp_path / "other.json").write_text(json.dumps(asdict(first) | wrong))
         with pytest.raises(InputError, match=r"other\.json"):
             Challenge.load(tmp_path / "other.json")

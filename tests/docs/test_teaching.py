@@ -69,4 +69,4 @@ def test_every_notebook_has_its_outcome_with_its_exercises_and_questions():
 def test_the_first_page_is_short():
     """What one reads before the first lesson, and all that there is to read."""
     words = {path.stem: len(path.read_text().split()) for path in (DOCS / "teach").glob("*.md")}
-    assert words["index"] <= 600 and sum(words.values()) <= 6000
+    assert words["index"] <= 600 and sum(words.values()) <= 2700

@@ -4,16 +4,15 @@ A check takes an answer, prints that it is right, or raises `CheckFailed` with w
 wrong with it. `EXERCISES` has them all by name. Each module has those of one notebook.
 """
 
+from importlib import import_module
+from pathlib import Path
+
 from uavdh_lite.course.checks.exercise import EXERCISES, CheckFailed, Exercise
 
-# isort: off
-from uavdh_lite.course.checks import notebook_00, notebook_01, notebook_02, notebook_03  # noqa: F401
-from uavdh_lite.course.checks import notebook_04, notebook_05, notebook_06, notebook_07  # noqa: F401
-from uavdh_lite.course.checks import notebook_08, notebook_10, notebook_11, notebook_12  # noqa: F401
-from uavdh_lite.course.checks import notebook_13, notebook_14  # noqa: F401
-# isort: on
-
 __all__ = ["EXERCISES", "CheckFailed", "Exercise"]
+
+for page in sorted(Path(__file__).parent.glob("notebook_*.py")):
+    import_module(f"{__name__}.{page.stem}")
 
 
 def __getattr__(name: str) -> Exercise:
