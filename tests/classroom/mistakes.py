@@ -1,69 +1,48 @@
-"""Wrong answers to the exercises, and what must be said of each: a part of the rule or mistake."""
+"""Wrong answers to the exercises, and what must be said of each: a part of the rule or mistake.
 
-import math
+`test_mutants.py` has more of them, whose rules nobody has written down.
+"""
+
 from itertools import combinations
 
 import numpy as np
 import torch
 from torch import nn
 
-from uavdh_lite.course import checks
+from uavdh_lite.course.checks import EXERCISES
 from uavdh_lite.course.checks.notebook_06 import made
 from uavdh_lite.course.checks.notebook_07 import dueling, rounds
 from uavdh_lite.environment import MOVES
 
-
-def inside(start, end, cell):
-    return all(min(a, b) <= x <= max(a, b) for a, b, x in zip(start, end, cell, strict=True))
-
-
-def doubled_distance(start, end, cell):
-    rows, cols = end[0] - start[0], end[1] - start[1]
-    return 2 * abs(rows * (cell[1] - start[1]) - cols * (cell[0] - start[0])), abs(rows) + abs(cols)
+SOLVED = {name: one.solution for name, one in EXERCISES.items()}
 
 
 def touching(start, end, cell):
-    distance, limit = doubled_distance(start, end, cell)
-    return inside(start, end, cell) and distance <= limit
+    (rows, cols), (r, c) = np.subtract(end, start), np.subtract(cell, start)
+    inside = all(min(a, b) <= x <= max(a, b) for a, b, x in zip(start, end, cell, strict=True))
+    return inside and 2 * abs(rows * c - cols * r) <= abs(rows) + abs(cols)
 
 
 def sampled(start, end, cell):
-    share = np.linspace(0, 1, 200)
-    rows = np.rint(start[0] + share * (end[0] - start[0]))
-    cols = np.rint(start[1] + share * (end[1] - start[1]))
-    return bool(((rows == cell[0]) & (cols == cell[1])).any())
+    points = np.rint(np.linspace(start, end, 200))
+    return bool((points == cell).all(1).any())
 
 
 def to_rate(snr_db):
     return np.log2(1 + 10 ** (snr_db / 10))
 
 
-def slot(snr_db, data_left, empty=-np.inf, limit=min, serves_nobody=False):
-    if not serves_nobody and not (data_left > 0).any():
-        return -1, 0.0
-    device = int(np.where(data_left > 0, snr_db, empty).argmax())
-    return device, limit(to_rate(snr_db[device]), data_left[device])
+def slot(snr_db, data_left):
+    """Serves somebody even if nobody has data."""
+    device = int(np.where(data_left > 0, snr_db, -np.inf).argmax())
+    return device, min(to_rate(snr_db[device]), data_left[device])
 
 
-def controller(wraps=False, buildings=False, clips=False, land=True, flag=True, stay=True):
-    def answer(city, cell, action):
-        if action == 4:
-            return cell, False
-        if action == 5:
-            return cell, bool(land and not city.landing[cell])
-        row, col = cell[0] + MOVES[action][0], cell[1] + MOVES[action][1]
-        outside = not (0 <= row < city.size and 0 <= col < city.size)
-        if outside and clips:
-            return cell, False
-        if outside and wraps:
-            row, col = row % city.size, col % city.size
-        elif outside:
-            return cell, flag
-        if city.no_fly[row, col] or (buildings and city.buildings[row, col]):
-            return (cell if stay else (row, col)), flag
-        return (row, col), False
-
-    return answer
+def wraps_round(city, cell, action):
+    if action > 3:
+        return SOLVED["safe_step"](city, cell, action)
+    to = tuple(np.add(cell, MOVES[action]) % city.size)
+    return (cell, True) if city.no_fly[to] else (to, False)
 
 
 def all_n(rewards, terminals, values, n, discount):
@@ -83,10 +62,6 @@ def one_after_the_other(x, y, rate, steps):
     return w, b
 
 
-def _mean(q, beta):
-    return (torch.softmax(q / beta, 1) * q).sum(1)
-
-
 def values_for_positions(a, b):
     everything, found = [*a, *b], []
     for chosen in combinations(everything, len(a)):
@@ -95,45 +70,24 @@ def values_for_positions(a, b):
     return np.mean([d >= abs(np.mean(a) - np.mean(b)) - 1e-9 for d in found])
 
 
-def lead_of(d, n=None):
-    half = 1.96 * d.std(ddof=1) / math.sqrt(n or len(d))
-    return d.mean(), d.mean() - half, d.mean() + half
-
-
-def moves_home(distance):
-    return np.where(distance < 0, np.inf, distance)
-
-
 def minus_one_is_near(distance, next_cell, cell, time_left):
     in_time = distance[next_cell[cell]] + 1 <= time_left[:, None] - 1
     in_time[:, 5] |= distance[cell] == 0
     return in_time
 
 
-def landing_in_the_zone(distance, next_cell, cell, time_left):
-    in_time = moves_home(distance)[next_cell[cell]] + 2 <= time_left[:, None]
-    in_time[:, 5] = distance[cell] == 0
-    return in_time
+def only_the_loudest(rate, left):
+    """The device that is the loudest at first has all four slots."""
+    heard = np.where(left[:, None, None] > 0, rate, -np.inf).argmax(0)[None]
+    return np.take_along_axis(np.minimum(4 * rate, left[:, None, None]), heard, 0)[0]
 
 
 def sizes_of_correlation(left_db, step_m):
     off = left_db - left_db.mean()
-    for k in range(1, len(off)):
-        if abs(np.mean(off[k:] * off[:-k])) / np.mean(off**2) < 1 / np.e:
-            return k * step_m
-    return len(off) * step_m
-
-
-def by_counting(values, city, t):
-    sums = np.bincount(city, values - values.mean())
-    return t * np.sqrt(len(sums) / (len(sums) - 1) * (sums**2).sum()) / len(values)
-
-
-def only_the_loudest(rate, left):
-    """The device that is the loudest at first has all four slots."""
-    heard = np.where(left[:, None, None] > 0, rate, -np.inf).argmax(0)[None]
-    most = np.minimum(4 * rate, left[:, None, None])
-    return np.take_along_axis(most, heard, 0)[0]
+    far = (
+        k for k in range(1, len(off)) if abs(np.mean(off[k:] * off[:-k])) < np.mean(off**2) / np.e
+    )
+    return next(far, len(off)) * step_m
 
 
 FLIGHTS = [-0.2, -0.7, 2.3, 0.8, 0.3, 0.0], [1.6, -0.2, -151.2]
@@ -165,10 +119,7 @@ MISTAKES = {
         (["east"] + ["south"] * 4, "intervened at step 4"),
         (["east"] * 3 + ["land"], "outside the landing zone"),
         (OUT_AND_BACK, "last action must be `land`"),
-        (
-            [*OUT_AND_BACK, "land"],
-            r"12\.\d and 0.0 of 15 units.*no more than 3 may be left.*units of time: 5",
-        ),
+        ([*OUT_AND_BACK, "land"], r"no more than 3 may be left.*units of time: 5"),
         ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 8], "flying time ran out"),
         ([*OUT_AND_BACK, "land", "south"], "make `land` the last"),
     ],
@@ -181,85 +132,53 @@ MISTAKES = {
         (lambda d: int(d ** (3.64 / 2.27)), "nor the result"),
     ],
     "mean_rate": [
-        (
-            lambda snr, var, n, g: to_rate(snr + CHANCE.normal(0, var**0.5, n)).mean(),
-            "must come from the generator",
-        ),
-        (lambda *case: checks.mean_rate.solution(*case), "Simulate: draw"),
-        (
-            lambda snr, var, n, g: to_rate(snr + g.normal(0, var**0.5, 10**5)).mean(),
-            "scatters like",
-        ),
+        (lambda snr, var, n, g: to_rate(CHANCE.normal(snr, var**0.5, n)).mean(), "must come from"),
+        (lambda *case: SOLVED["mean_rate"](*case), "Simulate: draw"),
+        (lambda snr, var, n, g: to_rate(g.normal(snr, var**0.5, 10**5)).mean(), "scatters like"),
         (lambda snr, var, n, g: to_rate(snr + g.normal(0, var**0.5)), "Simulate `draws` slots"),
-        (
-            lambda snr, var, n, g: (to_rate(snr) + g.normal(0, var**0.5, n)).mean(),
-            "to the SNR, in dB",
-        ),
     ],
     "crosses": [
         (touching, "only touches a cell"),
-        (lambda *case: inside(*case) and np.less(*doubled_distance(*case)), "separately"),
         (sampled, "cut off a tiny corner"),
-        (inside, "must be near the line"),
+        (lambda start, end, cell: start <= cell <= end, "must be near the line|beyond an end"),
     ],
-    "shadow_map": [
-        (lambda b, d: b.copy(), "hides everything behind it"),
-    ],
+    "shadow_map": [(lambda b, d: b.copy(), "hides everything behind it")],
     "asymmetric_share": [
         (lambda s: (s != s.T).mean(), r"no pair with itself, \[i, j, i, j\]"),
         (lambda s: 0.5, "sight\\), with True everywhere, gives 0.5"),
-        (lambda s: s.mean(), "whether both are clear or both blocked"),
     ],
-    "tdma_slot": [
-        (lambda snr, left: slot(snr, left, limit=lambda r, d: r), "no more than is left"),
-        (lambda snr, left: slot(snr, left, serves_nobody=True), "nobody may send"),
-    ],
+    "tdma_slot": [(slot, "nobody may send")],
     "rewards_by_hand": [
         (by_hand(0, 2, 0.3), "A, step 2 gives 0.3, which is not right. The controller"),
         (by_hand(0, 2, -1.2), "A, step 2.*a UAV that hovers uploads all the same"),
         (lambda: [x for flight in FLIGHTS for x in flight], "Return two lists"),
-        (by_hand(0, 4, 2.3), "A, step 4.*no more than the device has left"),
         (by_hand(0, 4, 1.0), "A, step 4.*hovers costs the 0.2"),
-        (by_hand(0, 6, -0.2), "A, step 6.*lands does not cost"),
         (by_hand(1, 3, -1.2), "B, step 3.*the crash"),
-        (lambda: (FLIGHTS[0], [1.6]), "three of flight B"),
     ],
     "safe_step": [
-        (controller(wraps=True), "leaves the grid"),
-        (controller(buildings=True), "may be flown over"),
-        (controller(land=False), "not in the landing zone"),
-        (controller(stay=False), "hovers instead"),
+        (wraps_round, "leaves the grid"),
+        (lambda city, cell, action: (cell, False), "the way there, so the controller"),
     ],
     "centre": [
-        (lambda *case: np.roll(checks.centre.solution(*case), 1), "in the middle"),
-        (lambda layer, uav, _: checks.centre.solution(layer, uav, 0), "the map is `outside`"),
-        (lambda *case: checks.centre.solution(*case).astype(int), "Make a map of floats"),
+        (lambda *case: np.roll(SOLVED["centre"](*case), 1), "in the middle"),
+        (lambda layer, uav, _: SOLVED["centre"](layer, uav, 0), "the map is `outside`"),
+        (lambda *case: SOLVED["centre"](*case).astype(int), "Make a map of floats"),
     ],
     "data_layer": [
         (lambda size, uav, devices, data: np.zeros((size, size)), r"expected \(5, 5\)"),
         (lambda size, uav, devices, data: np.zeros((2 * size - 1,) * 2), "its data goes there"),
     ],
     "fitted_line": [
-        (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, -rate, steps), r"\*down\*"),
+        (lambda x, y, rate, steps: SOLVED["fitted_line"](x, y, -rate, steps), r"\*down\*"),
         (one_after_the_other, "Compute both slopes first"),
-        (lambda *c: checks.fitted_line.solution(*c[:3], min(c[3], 1000)), r"0\.002, 2000\)"),
-        (lambda x, y, rate, steps: (0.0, 0.0), "rate times its slope"),
-        (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, rate, 1), "without a step"),
+        (lambda *c: SOLVED["fitted_line"](*c[:3], min(c[3], 1000)), r"0\.002, 2000\)"),
     ],
     "convolve": [
-        (
-            lambda layer, *case: checks.convolve.solution(layer, *case).astype(layer.dtype),
-            "whatever the layer holds",
-        ),
-        (lambda *case: checks.convolve.solution(*case).astype(int), "whatever the layer holds"),
-        (
-            lambda layer, kernel, bias: checks.convolve.solution(layer, kernel[::-1, ::-1], bias),
-            "neither turned nor mirrored",
-        ),
+        (lambda *case: SOLVED["convolve"](*case).astype(int), "whatever the layer holds"),
+        (lambda layer, kernel, b: SOLVED["convolve"](layer, kernel[::-1], b), "neither turned"),
     ],
     "network_weights": [(lambda *case: 2_308_854, "gives 2308854, expected")],
     "expected_target": [
-        (lambda r, ended, g, q, beta: r + g * ~ended * q, "one target for each transition|stops"),
         (
             lambda r, ended, g, q, beta: r + g * ~ended * (torch.softmax(q, 1) * q).sum(1),
             "temperature that is handed in",
@@ -268,29 +187,14 @@ MISTAKES = {
             lambda r, ended, g, q, beta: r + g * ~ended * (torch.softmax(q / beta, 0) * q).sum(1),
             "weighted by the probability",
         ),
-        (
-            lambda r, ended, g, q, beta: (
-                r + g * ~ended * ((q / beta).exp() * q).sum(1) / (q / beta).exp().sum(1)
-            ),
-            "does not overflow",
-        ),
-        (lambda r, ended, g, q, beta: g * r + g * ~ended * _mean(q, beta), "counts in full"),
-        (lambda r, ended, g, q, beta: r + g * ended * _mean(q, beta), "reward alone|weighted"),
+        (lambda r, *case: SOLVED["expected_target"](case[1] * r, *case), "counts in full"),
     ],
     "epsilon_greedy": [
         (lambda q, epsilon: torch.softmax(q / epsilon, 1), "ε = 0"),
-        (lambda q, epsilon: q.argmax(1), "ε = 0"),
-        (
-            lambda q, epsilon: (
-                (q == q.amax(1, True)) * (1 - epsilon) + epsilon * (q < q.amax(1, True)) / 5
-            ),
-            "may also be the best one|best one included|equally likely",
-        ),
         (lambda q, epsilon: epsilon / 6 + (1 - epsilon) * (q == q.amax(1, True)), "equally|all"),
     ],
     "by_surprise": [
         (lambda errors: np.abs(errors) / np.abs(errors).sum(), "Only the order|has rank 1"),
-        (lambda errors: np.full(len(errors), 1 / len(errors)), "has rank 1"),
         (lambda errors: 1 / (1 + np.argsort(np.argsort(-np.abs(errors)))), "add up to 1"),
     ],
     "mended_update": [
@@ -298,50 +202,35 @@ MISTAKES = {
         (made("end"), "where the episode ended|Where the episode ended"),
         (made("slopes"), "must be forgotten"),
         (made("never"), "in place"),
-        (lambda *case: None, "moves towards it"),
         (lambda online, *rest: online(rest[2][0][:, 0]), "stops with RuntimeError"),
     ],
     "dueling_head": [
         (dueling(lambda v, a: v - a + a.mean(1, keepdim=True)), "value plus the advantages"),
-        (dueling(lambda v, a: a - a.mean(1, keepdim=True)), "value plus the advantages"),
         (dueling(lambda v, a: v.mean() + a - a.mean(1, keepdim=True)), "Each row has its own"),
-        (nn.Linear, "stops with|must be"),
         (nn.Identity, r"self.value must be nn.Linear\(3, 1\)"),
     ],
     "mended_round": [
         (rounds("crashed"), "by landing \\*or\\*|as `step` gave it|time is up"),
-        (rounds("landed", early=True), "new mission|stored step|as `step` gave it"),
         (lambda *case: None, "Return the state"),
         (lambda environment, state, *rest: state, "appends one tuple"),
     ],
     "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
     "n_step_return": [
-        (lambda r, t, v, n, d: checks.n_step_return.solution(r, t, v, min(n, 20), d), "30, 0.95"),
+        (lambda r, t, v, n, d: SOLVED["n_step_return"](r, t, v, min(n, 20), d), "30, 0.95"),
         (all_n, r"IndexError.*in line \d+, `.*`\. Where fewer than n steps are stored, m = T"),
     ],
     "steps_to": [
-        (
-            lambda s, v, t: checks.steps_to.solution(s, v - 1e-12, t),
-            "that equals the threshold",
-        ),
+        (lambda s, v, t: SOLVED["steps_to"](s, v - 1e-12, t), "that equals the threshold"),
         (
             lambda s, v, t: next((s[k] for k in range(len(s)) if min(v[k : k + 3]) >= t), None),
             "from your validation to the last",
         ),
     ],
-    "lead": [
-        (lambda a, b: lead_of(a - b, len(a) - 1), "1.96 standard errors"),
-    ],
-    "permutation_p": [
-        (values_for_positions, "deal out positions"),
-    ],
+    "lead": [(lambda a, b: (np.mean(a - b), *SOLVED["lead"](a, b)[::2]), "1.96 standard errors")],
+    "permutation_p": [(values_for_positions, "deal out positions")],
     "missions_needed": [
         (lambda share, crashes: int(share * 3.8416 / (1 - share)) + 1, "n − crashes of n missions"),
         (lambda share, crashes: 381, "smallest n at which"),
-        (
-            lambda *case: min(checks.missions_needed.solution(*case), 10_000),
-            "gives 10000, expected 11702",
-        ),
     ],
     "defeat": [
         ("L .\n. .", "it must have 16"),
@@ -353,35 +242,23 @@ MISTAKES = {
         (lambda e, floor: (np.full(len(e), 1 / len(e)), np.ones(len(e))), "in proportion"),
     ],
     "old_share": [(lambda capacity, before, after: 0.5, "all items are there")],
-    "failsafe_mask": [
-        (minus_one_is_near, "no way home, distance −1"),
-        (landing_in_the_zone, "`land` outside the zone"),
-    ],
+    "failsafe_mask": [(minus_one_is_near, "no way home, distance −1")],
     "data_of_a_step": [
         (lambda rate, left: 4 * rate.max(0), "until it has nothing left"),
         (only_the_loudest, "leaves the next slots to the others"),
     ],
     "view": [
         (lambda m, a, k, f: (np.rot90(m, k, (1, 2)), (a - k) % 4), "Hover and land|swaps left"),
-        (lambda m, a, k, f: (m, a), "takes 1 from the number"),
-        (
-            lambda m, a, k, f: (m.tolist(), a),
-            "as value 1, but an array of numbers, not a list, is expected",
-        ),
+        (lambda m, a, k, f: (m.tolist(), a), "as value 1, but an array of numbers, not a list, is"),
     ],
     "shadow_reach": [
         (lambda left, step: step, "mean product of all pairs"),
-        (lambda *case: min(checks.shadow_reach.solution(*case), 200), "expected 510"),
         (sizes_of_correlation, "A ρ below 0 is"),
     ],
     "corrected": [
         (lambda line, heard, w: np.average(heard, weights=w), "Add to the line|stops with"),
     ],
     "clustered_half_width": [
-        (by_counting, "numbers are names"),
-        (
-            lambda values, city, t: checks.clustered_half_width.solution(values, city, 1.96),
-            "that by t / N",
-        ),
+        (lambda *case: SOLVED["clustered_half_width"](*case[:2], 1.96), "that by t / N"),
     ],
 }

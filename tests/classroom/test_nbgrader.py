@@ -298,7 +298,7 @@ def test_moodle_s_zip_comes_in_and_the_feedback_goes_back(root, capsys, monkeypa
     packed(archive, files | dict.fromkeys(odd, "x" * 51))
     assert classroom(root, "collect", archive, ASSIGNMENT) == 0
     said = capsys.readouterr().out
-    assert "of 3 students: 3 new" in said
+    assert "of 3 students" in said
     assert all(f"- {name}" in said for name in (*odd, "../../D_104")), said
     found = {p.relative_to(root).parts[1] for p in (root / "submitted").rglob("*.ipynb")}
     assert found == {*names} and not list(root.parent.glob("x.ipynb"))
@@ -331,25 +331,30 @@ def test_a_zip_that_cannot_be_unpacked_is_named(root, capsys):
         assert "all.zip: " in said and said.count("\n") == 1
 
 
-def test_a_second_zip_replaces_what_is_another_and_leaves_the_rest(root, capsys):
-    def collected(**files):
-        every = {
-            f"{who}_assignsubmission_file_/{name}": text for who, (name, text) in files.items()
-        }
+def test_only_what_has_changed_is_graded_again(root):
+    """A second zip replaces what a student had; the time of a sheet is that of its last change."""
+    text = (NOTEBOOKS / "exercises" / FILE).read_text()
+    other = text.replace('raise NotImplementedError(\\"exercise 1.1\\")', "return 1")
+
+    def checked(**files):
+        every = {f"{who}_assignsubmission_file_/{name}": own for who, (name, own) in files.items()}
         packed(root / "all.zip", every)
         assert classroom(root, "collect", root / "all.zip", ASSIGNMENT) == 0
-        found = {p for p in (root / "submitted").rglob("*") if p.is_file()}
-        written = {(p.parts[-3], p.name, p.read_text()): p.stat().st_mtime_ns for p in found}
-        return written, capsys.readouterr().out
+        assert classroom(root, "check", ASSIGNMENT) == 0
+        found = {p.parts[-3]: p.name for p in (root / "submitted").rglob("*.ipynb")}
+        assert found == {who: name for who, (name, _) in files.items()}
+        stamps = root.glob("checked/*/*/timestamp.txt")
+        return {path.parts[-3]: path.stat().st_mtime_ns for path in stamps}
 
-    same = ("x.ipynb", "1")
-    first, _ = collected(a_1=same, b_2=("y.ipynb", "2"), c_3=("z.ipynb", "3"))
-    files = {"a_1": same, "b_2": ("y.ipynb", "4"), "c_3": ("z (1).ipynb", "3"), "d_4": same}
-    second, said = collected(**files)
-    assert {*second} == {(who, *file) for who, file in files.items()}
-    assert [key for key in second if first.get(key) == second[key]] == [("a_1", *same)]
-    assert said.startswith("- b_2 handed in again\n- c_3 handed in again\n")
-    assert said.endswith("1 as before, 2 handed in again, 1 new\n")
+    first = checked(a_1=("x.ipynb", text), b_2=("y.ipynb", text), c_3=("z.ipynb", text))
+    assert other != text
+    second = checked(
+        a_1=("x.ipynb", text),
+        b_2=("y.ipynb", other),
+        c_3=("z (1).ipynb", text),
+        d_4=("x.ipynb", text),
+    )
+    assert {who for who in second if second[who] != first.get(who)} == {"b_2", "d_4"}
 
 
 def in_grade_book(root, points):

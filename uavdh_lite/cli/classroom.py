@@ -1,6 +1,5 @@
 """`classroom`: what a class hands in, before and after nbgrader grades it."""
 
-from collections import Counter
 from pathlib import Path
 
 from cyclopts import App
@@ -17,7 +16,7 @@ COURSE = Path(".")
 def collect(archive: Path, assignment: str, /, *, course: Path = COURSE) -> None:
     """Unpack Moodle's zip of all submissions into submitted/.
 
-    What an earlier zip had already stays as it is; a file that is another takes its place.
+    What a student has in an earlier zip is replaced.
 
     Arguments:
         archive: the zip that Moodle calls "Download all submissions".
@@ -25,10 +24,9 @@ def collect(archive: Path, assignment: str, /, *, course: Path = COURSE) -> None
         course: the folder with exercises/ in it.
     """
     students, odd = handed_in.collect(archive, course, assignment)
-    for note in odd + [f"{who} handed in again" for who in students if "again" in students[who]]:
-        print(f"- {one_line(note)}")
-    states = ", ".join(f"{n} {state}" for state, n in Counter(students.values()).items())
-    print(f"{course / 'submitted'}: {assignment} of {len(students)} students: {states}")
+    for name in odd:
+        print(f"- {one_line(name)} is set aside")
+    print(f"{course / 'submitted'}: {assignment} of {len(students)} students")
 
 
 @classroom.command

@@ -48,48 +48,38 @@ class Sheet:
     private: list[str] = field(default_factory=list)  # for the teacher, who judges them
     answered: int = 0
     notebook: nbformat.NotebookNode | None = None  # None: nothing in it can be graded
-    when: float = 0.0
 
 
-def collect(archive: Path, course: Path, assignment: str) -> tuple[dict[str, str], list[str]]:
-    """Unpack Moodle's zip of all submissions into `submitted/`.
+def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], list[str]]:
+    """Unpack Moodle's zip of all submissions into `submitted/`, in place of what was there.
 
-    The folder of a student who has handed in something else than before is written anew, so that
-    the time of its files says what to grade again.
-
-    Returns whether each student is new, as before or has handed in again, and what is set aside.
-    Raises `InputError` if it is no such zip, or damaged, or encrypted.
+    Returns the students, and the files that are set aside. Raises `InputError` if it is no such
+    zip, or damaged, or encrypted.
     """
-    states, odd = {}, []
-    files = defaultdict(list)
+    students: list[str] = []
+    odd: list[str] = []
     try:
         with zipfile.ZipFile(archive) as packed:
             for entry in packed.infolist():
                 match = MOODLE.fullmatch(entry.filename)
-                if match and "/." not in f"/{match['file']}" and entry.file_size < LARGEST:
-                    files[match["who"]].append(entry)
-                elif not entry.is_dir():
-                    odd.append(f"{entry.filename} is set aside")
-            for student, entries in sorted(files.items()):
-                # The name at most as long as folders can have
-                now = {Path(one.filename).name[-100:]: packed.read(one) for one in entries}
-                folder = course / "submitted" / student / assignment
-                before = {p.name: p.read_bytes() for p in folder.glob("*") if p.is_file()}
-                states[student] = "handed in again" if before else "new"
-                if now == before:
-                    states[student] = "as before"
+                if not match or "/." in f"/{match['file']}" or entry.file_size > LARGEST:
+                    odd += [entry.filename] * (not entry.is_dir())
                     continue
-                shutil.rmtree(folder, ignore_errors=True)
-                for name, content in now.items():
-                    write_atomically(folder / name, partial(Path.write_bytes, data=content))
+                folder = course / "submitted" / match["who"] / assignment
+                if match["who"] not in students:
+                    students.append(match["who"])
+                    shutil.rmtree(folder, ignore_errors=True)
+                    folder.mkdir(parents=True)
+                name = Path(match["file"]).name[-100:]  # file systems have limits
+                (folder / name).write_bytes(packed.read(entry))
     except OSError:
         raise
     except Exception as error:  # whatever a damaged or encrypted zip makes its reader say
         raise InputError(f"{archive}: {error}") from None
-    if not states:
+    if not students:
         said = "no NAME_NUMBER_assignsubmission_file_/FILE in it, as Moodle has"
         raise InputError(f"{archive}: {said}")
-    return states, odd
+    return students, odd
 
 
 def look_through(course: Path, assignment: str) -> list[Sheet]:
@@ -118,29 +108,32 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
         if sheet.notes:
             said = html.escape("\n".join(map(one_line, sheet.notes)))
             text = f"**Before this was graded, it was looked through:**\n\n<pre>{said}</pre>"
-            graded.cells.insert(0, nbformat.v4.new_markdown_cell(text))
+            first = nbformat.v4.new_markdown_cell(text, id="looked-through")
+            graded.cells.insert(0, first)
         path = course / "checked" / sheet.student / assignment / release.name
-        write_atomically(path, partial(nbformat.write, graded))
-        stamp = f"{datetime.fromtimestamp(sheet.when, UTC):%Y-%m-%d %H:%M:%S} UTC"
-        path.with_name("timestamp.txt").write_text(stamp)  # nbgrader grades anew what is newer
+        content = nbformat.writes(graded).encode()
+        if not path.is_file() or path.read_bytes() != content:
+            write_atomically(path, partial(Path.write_bytes, data=content))
+            stamp = f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
+            path.with_name("timestamp.txt").write_text(stamp)  # nbgrader grades what is newer
     return sheets
 
 
 def _sheet(student: Path, assignment: str, release: nbformat.NotebookNode) -> Sheet | None:
     """What a student handed in for an assignment; of several notebooks the one answered most."""
-    inside = [path.relative_to(student) for path in student.rglob("*")]
-    files = [p for p in inside if assignment in str(p) and not re.search(r"(^|/)\.", p.as_posix())]
-    files = [path for path in files if path.name != assignment]
+    inside = (path.relative_to(student) for path in sorted(student.rglob("*")))
+    files = [path for path in inside if assignment in str(path) and path.name != assignment]
+    files = [path for path in files if "/." not in f"/{path.as_posix()}"]
     if not files:
         return None
     whole = student.resolve()  # a link may lead to another student's work
-    own = [p for p in files if p.suffix.lower() == ".ipynb"]
-    own = [p for p in own if (whole / p).is_file() and (whole / p).resolve() == whole / p]
+    own = [p for p in files if (whole / p).is_file() and (whole / p).resolve() == whole / p]
+    own = [path for path in own if path.suffix.lower() == ".ipynb"]
     if not own:
-        said = f"there is no notebook, but {', '.join(p.name for p in files)}"
+        said = f"there is no notebook, but {', '.join(path.name for path in files)}"
         return Sheet(student.name, [f"{said}: hand in the .ipynb itself"])
     read = [_read(student.name, whole / path, release) for path in own]
-    best = max(read, key=lambda sheet: (sheet.answered, sheet.when))
+    best = max(read, key=lambda sheet: sheet.answered)
     if len(own) > 1:
         name = own[read.index(best)].name
         best.notes.insert(0, f"there are {len(own)} notebooks; this is {name}, answered most")
@@ -149,7 +142,7 @@ def _sheet(student: Path, assignment: str, release: nbformat.NotebookNode) -> Sh
 
 def _read(student: str, path: Path, release: nbformat.NotebookNode) -> Sheet:
     """What is in one notebook."""
-    sheet = Sheet(student, when=path.stat().st_mtime)
+    sheet = Sheet(student)
     try:
         if path.stat().st_size > LARGEST:
             raise ValueError("it is too large")
@@ -171,7 +164,6 @@ def _mended(cells: list[dict], release: nbformat.NotebookNode, sheet: Sheet):
     """
     mended = copy.deepcopy(release)
     places = _places(mended.cells)
-    usual = {part for c in mended.cells if c.cell_type == "code" for part in _parts(c.source)}
     found: dict[int, list[str]] = defaultdict(list)
     others: dict[int, list[str]] = defaultdict(list)
     last = next(k for k, cell in enumerate(mended.cells) if cell.cell_type == "code")
@@ -202,11 +194,12 @@ def _mended(cells: list[dict], release: nbformat.NotebookNode, sheet: Sheet):
                 times = f"is there {len(own)} times: the first one counts"
                 sheet.notes.append(f"the answer to {name} {times}")
         elif own:
-            after = [part for one in own for part in _parts(one) if part not in usual] + after
+            given = _parts(cell.source)
+            after = [part for one in own for part in _parts(one) if part not in given] + after
         mended.cells.append(cell)
-        for source in after:
+        for k, source in enumerate(after):
             _look_at(source, "a cell of the student's own", sheet)
-            mended.cells.append(nbformat.v4.new_code_cell(source))
+            mended.cells.append(nbformat.v4.new_code_cell(source, id=f"own-{place}-{k}"))
     return mended
 
 
