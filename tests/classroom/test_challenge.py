@@ -68,13 +68,14 @@ BAD = {
         "    except OSError:\n        pass\ndef policy(environment, state):\n    return state.city",
         "what it gives cannot be read",
     ),
-}
-HANGS = {
-    "a loop": "while True:\n    pass",
-    "a child": "import subprocess\nsubprocess.run(['sleep', '60'])",
+    "a loop": ("while True:\n    pass", "took more than 2 s"),
+    "a child": ("import subprocess\nsubprocess.run(['sleep', '60'])", "took more than 2 s"),
     # It keeps the pipes open when the submission itself has been ended
-    "a daemon": "import os, time\nif not os.fork():\n    os.setsid()\ntime.sleep(20)",
-    "endless printing": "while True:\n    print('x' * 10_000)",
+    "a daemon": (
+        "import os, time\nif not os.fork():\n    os.setsid()\ntime.sleep(20)",
+        "took more than 2 s",
+    ),
+    "endless printing": ("while True:\n    print('x' * 10_000)", "took more than 2 s"),
 }
 
 
@@ -111,16 +112,11 @@ def test_a_checkpoint_is_flown(tmp_path):
 
 
 @pytest.mark.parametrize("kind", BAD)
-def test_a_bad_submission_fails_and_says_why(kind, submit):
-    text, reason = BAD[kind]
-    assert reason in score(PRACTICE, submit(text))["failed"]
-
-
-@pytest.mark.parametrize("kind", HANGS)
-def test_a_submission_that_hangs_ends_in_time(kind, submit):
-    started = time.monotonic()
-    assert score(PRACTICE, submit(HANGS[kind]), seconds=2)["failed"] == "took more than 2 s"
-    assert time.monotonic() - started < 10
+def test_a_bad_submission_fails_in_time_and_says_why(kind, submit):
+    (text, reason), started = BAD[kind], time.monotonic()
+    late = reason.startswith("took")
+    assert reason in score(PRACTICE, submit(text), seconds=2 if late else 300)["failed"]
+    assert not late or time.monotonic() - started < 10
 
 
 @pytest.fixture

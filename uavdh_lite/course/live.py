@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from IPython.display import display
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -22,6 +21,7 @@ from uavdh_lite.streams import Use, stream
 
 with extra("notebooks"):
     import ipywidgets
+    from IPython.display import display
 
 SECONDS = 1.0  # between two pictures
 
