@@ -38,6 +38,10 @@ SWALLOWS = """import time
             time.sleep(1)
         except BaseException:
             pass"""
+SUSPECT = """course = 'Radio'
+%time x = 1
+def f(checks):
+    return checks.eval()"""
 FAKE = """class checks:
     rate_from_snr = same_path_loss = mean_rate = staticmethod(lambda answer: print("right"))"""
 PATCH = """import uavdh_lite.course.checks.exercise as one
@@ -125,15 +129,13 @@ def with_outputs(notebook):
     return notebook
 
 
-TRIGGER = """import glob, sqlite3
+HOSTILE = """import glob, os, sqlite3
+from IPython.display import HTML
 for path in ["../../../gradebook.db", *glob.glob("/tmp/**/gradebook.db", recursive=True)]:
     with sqlite3.connect(path) as book:
         book.execute("create trigger t after insert on grade begin update grade set x = 9; end")
-"""
-PEEK = """import glob, os
-from IPython.display import HTML
 print("<script>alert(1)</script>", glob.glob("/**/*.ipynb", recursive=True)[-9:])
-print(os.listdir("../.."), os.listdir("../../../submitted"))
+print(os.listdir("../.."))
 HTML("<script>alert(1)</script>")"""
 
 # What each student made of the notebook, the points for it, and what is said before it is graded
@@ -157,12 +159,10 @@ STUDENTS = {
     "fake": (lambda n: with_cell(n, FAKE, _1_2=WRONG), [1, 0, 2], "in place of a check"),
     "patches": (lambda n: with_cell(n, PATCH, _1_2=WRONG), [1, 0, 2], "reads a solution"),
     "takes": (takes_a_solution, [1, 0, 2], "answer to exercise 1.2 reads a solution"),
-    "trigger": (lambda n: with_cell(n, TRIGGER, _1_2=WRONG), [1, 0, 2], None),
-    "peeks": (lambda n: with_cell(n, PEEK), [1, 2, 2], None),
+    "hostile": (lambda n: with_cell(n, HOSTILE, _1_2=WRONG), [1, 0, 2], None),
     "helped": (helped, [1, 2, 2], None),
     "import": (broken_import, [1, 2, 2], None),
-    "heading": (lambda n: with_cell(n, "course = 'Radio'\n%time x = 1"), [1, 2, 2], None),
-    "parameter": (lambda n: with_cell(n, "def f(checks): return checks.eval()"), [1, 2, 2], None),
+    "suspect": (lambda n: with_cell(n, SUSPECT), [1, 2, 2], None),
     "odd_outputs": (with_outputs, [1, 2, 2], None),
 }  # fmt: skip
 OTHER = NOTEBOOKS / "exercises/02_shadow_ray_tracing/02_shadow_ray_tracing.ipynb"
@@ -509,7 +509,7 @@ def test_feedback_says_what_is_wrong_and_what_was_odd(course):
     for student in POINTS:
         others = [name for name in POINTS if len(name) > 7 and name not in student]
         assert not any(name in said[student] for name in others), student
-    assert "<script>alert" not in said["peeks"]
+    assert "<script>alert" not in said["hostile"]
 
 
 @pytest.mark.long

@@ -1,7 +1,6 @@
 """Right answers pass, however they are written."""
 
 import functools
-import itertools
 import math
 from fractions import Fraction
 
@@ -80,21 +79,6 @@ def test_numbers_of_any_type_pass(name):
         checks.EXERCISES[name](lambda *arguments, form=form: form(solved(name)(*arguments)))
 
 
-def by_sets(a, b):
-    values = [Fraction(float(x)).limit_denominator(10**7) for x in (*a, *b)]
-    total, places = sum(values), range(len(values))
-
-    def difference(chosen):
-        own = sum(values[k] for k in chosen)
-        return abs(own / len(a) - (total - own) / len(b))
-
-    seen = difference(range(len(a)))
-    larger = [
-        difference(c) >= seen - Fraction(1, 10**9) for c in itertools.combinations(places, len(a))
-    ]
-    return sum(larger) / len(larger)
-
-
 def by_fractions(start, end, cell):
     """Cuts the segment at the four edges of the cell."""
     low, high = Fraction(0), Fraction(1)
@@ -132,7 +116,6 @@ HINTED = [  # by the second hint of 0.3
 ]
 OTHERS = [
     *(("flown_by_hand", flight) for flight in HINTED),
-    ("permutation_p", by_sets),
     ("crosses", by_fractions),
     ("rate_from_snr", np.vectorize(lambda snr_db: math.log2(1 + 10 ** (snr_db / 10)))),
     ("mended_update", by_hand),
