@@ -29,7 +29,7 @@ from uavdh_lite.environment import ACTIONS
     mistakes={
         "Every data unit counts the same: do not average the devices' own ratios.": (
             lambda c, i, landed: landed * np.mean([x / y for x, y in zip(c, i, strict=True) if y])
-        ),
+        )
     },
 )
 def flight_score(collected, initial, landed):

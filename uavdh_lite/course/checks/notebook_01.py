@@ -15,12 +15,7 @@ from uavdh_lite.streams import Use, stream
         "The rate is log2(1 + SNR), with the SNR as a ratio of powers: 0 dB is a ratio of 1, so "
         "the rate there is log2(2) = 1.": [0.0],
         "Adding 10 dB multiplies the power by ten, so the ratio is 10 ** (snr_db / 10), near 0 dB "
-        "and far from it. Nothing is rounded.": [
-            10.0,
-            -10.0,
-            -60.0,
-            150.0,
-        ],
+        "and far from it. Nothing is rounded.": [10.0, -10.0, -60.0, 150.0],
         "An array has a rate for each element: use np.log2 and ** on the whole array, without a "
         "loop, `if` or `math`.": [
             np.array(snr_db) for snr_db in ([6.0], [0, 10, -20], [[-3.0, 0.0], [3.0, 20.0]])
@@ -48,16 +43,12 @@ LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
     rules={
         "The loss 10 α log10(d) with α_LoS at your distance must equal the loss with α_NLoS at the "
         "distance given. Behind a building the loss grows faster, so the distance in sight is the "
-        "longer one. Round neither the exponents' ratio nor the result.": [
-            20.0,
-            2.0,
-            55,
-        ],
+        "longer one. Round neither the exponents' ratio nor the result.": [20.0, 2.0, 55],
         "Both losses are 0 dB at 1 m, so there the two distances are equal.": [1.0],
     },
     mistakes={
         "As a ratio, the loss is d ** α, so the ratio of the exponents belongs in the exponent, "
-        "not in front.": lambda d: d * NLOS / LOS,
+        "not in front.": lambda d: d * NLOS / LOS
     },
 )
 def same_path_loss(nlos_m):

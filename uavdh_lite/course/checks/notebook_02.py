@@ -95,10 +95,7 @@ def town(size, device, *buildings):
     "2.2 · A shadow map (2 points, 10 minutes)",
     rules={
         "Without buildings nothing is hidden, not even the device's own cell: everything is False, "
-        "in an array of Booleans such as np.zeros(shape, bool).": [
-            (1, (0, 0)),
-            (2, (1, 0)),
-        ],
+        "in an array of Booleans such as np.zeros(shape, bool).": [(1, (0, 0)), (2, (1, 0))],
         "A building that the ray crosses hides everything behind it, and a UAV over a building is "
         "hidden, too: the map is True where the link is blocked.": [
             (1, (0, 0), (0, 0)),
@@ -161,18 +158,10 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4)}
     rules={
         "If both directions of every pair agree, the share is 0, whether both are clear or both "
         "blocked. A cell forms no pair with itself, [i, j, i, j]. Note that .T reverses all 4 "
-        "axes: reshape first.": [
-            2,
-            3,
-            (2, (0, 1, 0, 1)),
-            line_of_sight(BUILDINGS),
-        ],
+        "axes: reshape first.": [2, 3, (2, (0, 1, 0, 1)), line_of_sight(BUILDINGS)],
         "There are n (n − 1) / 2 unordered pairs of different cells, with n = M². A pair is "
         "asymmetric if exactly one of its two directions is blocked. Divide the number of these by "
-        "the number of all pairs.": [
-            (2, (0, 1, 1, 0)),
-            (3, (2, 1, 0, 2)),
-        ],
+        "the number of all pairs.": [(2, (0, 1, 1, 0)), (3, (2, 1, 0, 2))],
         "It must work for any table.": [RANDOM[2] < 0.5, RANDOM[2] < 0.9, RANDOM[4] < 0.5],
     },
     mistakes={

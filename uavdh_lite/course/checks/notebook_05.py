@@ -19,10 +19,7 @@ def examples(count, rate, steps):
         "w and b begin at 0, and without a step they stay there.": [(3, 0.1, 0)],
         "The slope of the loss is the mean over all examples of 2 · error · x for w, and of "
         "2 · error for b, with error = w·x + b − y. Compute both slopes first; then move w and b "
-        "*down*, each by the rate times its slope.": [
-            (1, 0.1, 1),
-            (2, 0.1, 1),
-        ],
+        "*down*, each by the rate times its slope.": [(1, 0.1, 1), (2, 0.1, 1)],
         "Every step begins where the last one ended, and moves w and b at the same time, with the "
         "errors from before the step, even if the loss grows.": [
             (2, 0.1, 2),
@@ -139,7 +136,7 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
     mistakes={
         "The flying time is missing: the first fully connected layer reads it, too.": (
             lambda *case: network_weights.solution(*case, time=0)
-        ),
+        )
     },
 )
 def network_weights(layers, size, kernels, kernel_size, strides, hidden, time=1):

@@ -103,11 +103,7 @@ def stored(length, ends, n, discount):
         "With n = 1 the target is rewards[0] plus γ times values[1], the value of the next "
         "state.": [(3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0)],
         "Reward k is multiplied by γ^k. After m rewards comes γ^m values[m], with the value of "
-        "state m.": [
-            (3, (), 2, 0.5),
-            (6, (), 5, 0.3),
-            (40, (), 30, 0.95),
-        ],
+        "state m.": [(3, (), 2, 0.5), (6, (), 5, 0.3), (40, (), 30, 0.95)],
         "A terminal step among the first m ends the sum with its own reward, and no value is "
         "added.": [
             (6, (2, 4), 3, 0.8),

@@ -102,7 +102,7 @@ def results(count, together, ahead=0.3, scale=1.0):
     },
     mistakes={
         "That is the unpaired interval: it adds both variances, as if each policy had flown "
-        "missions of its own. Take the standard deviation of the differences a − b.": unpaired,
+        "missions of its own. Take the standard deviation of the differences a − b.": unpaired
     },
     tolerance=1e-3,
     case=results,
@@ -176,7 +176,7 @@ def groups(a, b, parts=1):
         "That is one-sided: the other direction counts too, so take the absolute value of both "
         "differences.": lambda a, b: float(
             np.mean(differences(a, b) >= np.mean(a) - np.mean(b) - 1e-9)
-        ),
+        )
     },
     case=groups,
 )

@@ -57,7 +57,7 @@ def chances(error, floor):
     mistakes={
         "Scale the weights so that the largest is 1.": (
             lambda error, floor: (chances(error, floor), 1 / chances(error, floor))
-        ),
+        )
     },
     case=errors,
 )

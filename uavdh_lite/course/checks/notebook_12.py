@@ -32,10 +32,7 @@ def situation(name, cell, time_left):
             (CITY, [4, 14, 2], [4, 6, 3]),
         ],
         "Landing at once always fits, but only in the zone: elsewhere `land` is no landing, and "
-        "costs a unit of time, as hovering does.": [
-            (CITY, [0], [1]),
-            (CITY, [0, 1, 0], [1, 1, 2]),
-        ],
+        "costs a unit of time, as hovering does.": [(CITY, [0], [1]), (CITY, [0, 1, 0], [1, 1, 2])],
         "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
             (CITY, [7], [3]),
             (CITY, [7, 0], [10**6, 10**6]),

@@ -41,7 +41,7 @@ def along(cells, resembles, step_m=10):
     mistakes={
         "That is a number of cells: multiply it by step_m.": lambda left_db, step_m: (
             shadow_reach.solution(left_db, 1)
-        ),
+        )
     },
     case=along,
 )
@@ -77,7 +77,7 @@ def prior(line_db, heard_db, weight):
     mistakes={
         "The line must count as one measurement: the 1 in the denominator is missing.": (
             lambda line, heard, w: line + np.sum(w * (heard - line)) / max(np.sum(w), 1e-300)
-        ),
+        )
     },
     case=lambda *row: prior(*arrays(*row)),
 )
