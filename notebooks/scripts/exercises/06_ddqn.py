@@ -125,7 +125,7 @@ q = torch.tensor([values])
 for k, (name, chances) in enumerate(
     {"ε = 0.3": epsilon_greedy(q, 0.3), "softmax, β = 1": torch.softmax(q, dim=1)}.items()
 ):
-    plt.bar(np.arange(6) + 0.4 * (k - 0.5), chances[0], 0.4, label=name)
+    plt.bar(np.arange(6) + 0.4 * (k - 0.5), chances[0].tolist(), 0.4, label=name)
 plt.xticks(range(6), values)
 plt.xlabel("Q-value of an action")
 plt.ylabel("probability")
