@@ -241,7 +241,8 @@ const secondsLeft = ({ dials, steps, rate }) => (dials.steps - steps) / rate / 1
 const isSlow = (run) => run.going && run.rate > 0 && secondsLeft(run) > PATIENCE;
 /** On a slow device, how long it takes, and in the village an agent that has learned already. */
 function slowly(run) {
-  const same = ANEW.every((field) => field === "seed" || run.dials[field] === usual()[field]);
+  const is = (name) => textOf(name, run.dials) === textOf(name, usual());
+  const same = Object.keys(DIALS).every((name) => ["seed", "steps"].includes(name) || is(name));
   const other =
     run.city === "village" && same ? key("take", "take one that has learned") : "turn steps down";
   return `This takes ${Math.round(secondsLeft(run) / 60)} minutes here: ${other}.`;
