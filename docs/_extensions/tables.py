@@ -30,7 +30,7 @@ from uavdh_lite.beyond.measured import (
 from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent, shipped_agents
-from uavdh_lite.city import load_cities, load_city, shipped_cities
+from uavdh_lite.city import load_city, shipped_cities
 from uavdh_lite.cli.main import main
 from uavdh_lite.course.checks import EXERCISES
 from uavdh_lite.course.exam import questions
@@ -43,10 +43,11 @@ from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import read_table
 
-DATA = Path(__file__).parents[2] / "data"
+ROOT = Path(__file__).parents[2]
+DATA = ROOT / "data"
 RUNS = DATA / "runs"
 TEACH = Path(__file__).parents[1] / "teach"
-NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
+NOTEBOOKS = ROOT / "notebooks"
 SIGNS = {"ge": "≥", "gt": ">", "le": "≤"}
 BOTH = "collected_and_landed"
 SHARES = ("landed", "collected", BOTH)
@@ -578,22 +579,21 @@ def practice(scenario: str) -> str:
 
 
 def flights(checkpoint: str, seed: str, *others: str) -> str:
-    """A mission that an agent and perhaps others fly, to play in the page, and the command for it.
+    """A mission flown by an agent and others, to play in the page, and the agent's command.
 
-    A city of the agent's scenario `any_city` is one of `random:1:SEED`.
+    The agent flies over its own city, or over that of a picture in the repository.
     """
-    agent = load_agent(checkpoint)
-    city = f"random:1:{seed}" if len(agent.cities) > 1 else None
-    if city:
-        agent = agent.over(load_cities(city))
-    environment = agent.environment
+    agent, picture = load_agent(checkpoint), next((o for o in others if o.endswith(".png")), "")
+    if picture:
+        agent = agent.over(load_city(ROOT / picture))
     mission = Mission.draw(agent.scenario, agent.city, int(seed))
-    pilots = {checkpoint: agent} | {name: find_policy(name, environment) for name in others}
-    flown = {k: mission.fly(environment, pilot).trajectory(0) for k, pilot in pilots.items()}
-    options = f"--checkpoint {checkpoint}" + (f" --city {city}" if city else "")
-    command = f"python -m uavdh_lite fly {options} --seed {seed} --out flight.html"
-    player = play(environment, flown)._repr_html_()
-    return f"```{{raw}} html\n{player}\n```\n\n`{command}`\n"
+    pilots = {checkpoint: agent}
+    pilots |= {o: find_policy(o, agent.environment) for o in others if o != picture}
+    flown = {k: mission.fly(agent.environment, v).trajectory(0) for k, v in pilots.items()}
+    city = f" --city {picture}" if picture else ""
+    command = f"fly --checkpoint {checkpoint}{city} --seed {seed} --out flight.html"
+    player = play(agent.environment, flown)._repr_html_()
+    return f"```{{raw}} html\n{player}\n```\n\n`python -m uavdh_lite {command}`\n"
 
 
 # Teaching

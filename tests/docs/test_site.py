@@ -158,7 +158,7 @@ def test_no_barriers_in_light_and_dark(site, browser):
     told = []
     for scheme, rules in (("light", {}), ("dark", {"runOnly": ["color-contrast"]})):
         page = browser.new_page(color_scheme=scheme, viewport={"width": 1500, "height": 900})
-        for name in ("index", "results/ladder", "tutorials/00_first_flight"):
+        for name in ("index", "results/ladder", "results/gallery", "tutorials/00_first_flight"):
             page.goto((site / f"{name}.html").as_uri())
             found = Axe().run(page, options={"resultTypes": ["violations"], **rules})
             for v in found.response["violations"]:
