@@ -127,6 +127,14 @@ class KeepPercentTogether(SphinxPostTransform):
                     text.parent.replace(text, nodes.Text(kept))
 
 
+def give_level(app: Sphinx, page: str, template: str, context: dict, tree) -> None:
+    """Say of the navigation's captions which headings they are: screen readers ask for it."""
+    if "furo_navigation_tree" in context:
+        whole = context["furo_navigation_tree"]
+        named = whole.replace('role="heading"', 'role="heading" aria-level="2"')
+        context["furo_navigation_tree"] = named
+
+
 def _inside_link(node: nodes.Node) -> bool:
     parents = (nodes.reference, nodes.title, nodes.rubric, addnodes.desc_signature)
     while node.parent is not None:
@@ -160,6 +168,7 @@ def setup(app: Sphinx) -> dict:
     app.add_directive("markdown", Markdown)
     app.connect("autodoc-process-docstring", process_docstring)
     app.connect("autodoc-skip-member", skip_member)
+    app.connect("html-page-context", give_level, priority=900)  # after the theme
     app.add_post_transform(LinkCode)
     app.add_post_transform(CutLongValues)
     app.add_post_transform(KeepPercentTogether)
