@@ -98,7 +98,6 @@ CLAIMS = (  # what the paper says, what was found, a verdict, a page; those with
         "[ladder](ladder.md)",
     ),
 )
-SEEDS = ["seed 0", "seed 1", "seed 2"]
 PARTS_OF_RUN = (0.075, 0.25, 0.5, 0.75, 1)
 LADDER = {
     "random": PLANNERS["random"],
@@ -331,11 +330,6 @@ def by_flying_time(scenario: str) -> str:
     return _by(scenario, "flying time", lambda columns: columns["flying_time"])
 
 
-def by_devices(scenario: str) -> str:
-    """The same by the number of devices."""
-    return _by(scenario, "devices", lambda columns: columns["devices"])
-
-
 def by_kind(scenario: str) -> str:
     """The same by the kind of random city."""
     return _by(scenario, "kind of city", lambda columns: kind_of(columns["city"]))
@@ -555,17 +549,6 @@ def sb3() -> str:
     ]
     head = ["algorithm", "collected and landed, by seed", "landed, by seed", "seconds, by seed"]
     return f"{_table(head, rows)}\n{_made_with('sb3-village')}"
-
-
-def cities_to_learn_in() -> str:
-    """Agents that learned in more and more cities, over those and over others."""
-    table, rows = read_table(RUNS / "unseen_cities.csv.gz"), []
-    for count in (1, 10, 100, 2000):
-        own = f"random:{count}:0"
-        learned = (table["policy"] == "centred") & (table["learned_in"] == own)
-        scores = [table[BOTH][learned & (table["flown_over"] == c)] for c in ("random:300:9", own)]
-        rows.append([count, *(f"{value:.3f}" for value in np.concatenate(scores))])
-    return _table(["cities", *(f"{kind}, {s}" for kind in ("unseen", "seen") for s in SEEDS)], rows)
 
 
 def practice(scenario: str) -> str:

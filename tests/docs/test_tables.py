@@ -11,13 +11,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "_extensions"))
 tables = pytest.importorskip("tables")
 
 
-@pytest.mark.parametrize("table", ["comparison", "lead", "by_devices", "by_kind"])
+@pytest.mark.parametrize("table", ["comparison", "lead", "by_kind"])
 def test_intervals_over_several_cities_are_those_of_whole_cities(monkeypatch, table):
     """The agent brings 1 in every second of eight cities and 0 in the others, whatever flies."""
     of_cities = np.arange(8).repeat(125)
     columns = {
         "city": np.array([f"town_{number}_a" for number in of_cities]),
-        "devices": 0 * of_cities,
     }
     values = {"agent": of_cities % 2.0, "greedy": 0.0 * of_cities, "genie_data": of_cities**0.0}
     values["genie"] = values["genie_data"]
