@@ -136,10 +136,10 @@ def test_validations_come_when_they_are_due_and_tell_which_agent_is_best(trainer
     assert not own.is_best  # that was the agent of a step earlier
 
 
-def test_the_authors_rule_keeps_the_best_mean_of_fifty_test_flights(trainer):
+def test_the_authors_rule_keeps_the_best_mean_of_fifty_test_flights(trainer, monkeypatch):
     """Over whole rows of the learning curve, as few as have 50 flights; before, none is judged."""
     own = trainer(kept_by="test_flights")
-    flights, collected = [30, 30, 0, 10, 60, 20], [1.0, 0.5, None, 1.0, 0.9, 0.0]
+    flights, collected = [30, 20, 0, 10, 60, 20], [1.0, 0.5, None, 1.0, 0.9, 0.0]
     best = []
     for row, of_row in enumerate(zip(flights, collected, strict=True), 1):
         own.steps = row
@@ -153,6 +153,11 @@ def test_the_authors_rule_keeps_the_best_mean_of_fifty_test_flights(trainer):
     while not short.finished:
         assert short.advance() == (short.steps == 64 or short.finished)
     assert short.is_best  # too short for the rule: the last one is kept
+    for name, value in (("BIN", 320), ("TEST_FLIGHTS", 1)):
+        monkeypatch.setattr(training, name, value)
+    own = trainer(kept_by="test_flights", steps=1600, validation_interval=1600)
+    kept = [own.steps for _ in range(100) if own.advance()]
+    assert own.finished and kept[0] == 320 and kept[-1] == 1600  # between validations, too
 
 
 def test_a_row_has_the_losses_since_the_row_before_and_actions_the_temperature_of_their_step(
