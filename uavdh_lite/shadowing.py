@@ -28,13 +28,18 @@ def line_of_sight(buildings: np.ndarray) -> np.ndarray:
     cells = np.arange(size)
     for rows in range(size):
         for cols in range(-size + 1, size):
-            r = cells[: size - rows, None]  # the cells from which a ray ends in the city
-            c = cells[None, max(-cols, 0) : size - max(cols, 0)]
-            blocked = np.zeros((*np.broadcast(r, c).shape, cities.shape[-1]), bool)
+            # The cells from which such a ray ends in the city are a rectangle
+            height, width, left = size - rows, size - abs(cols), max(-cols, 0)
+            blocked = np.zeros((height, width, cities.shape[-1]), bool)
             for row, col in crossed_cells(rows, cols):
-                blocked |= cities[r + row, c + col]
-            for (row, col), (other_row, other_col) in passed_corners(rows, cols):
-                blocked |= cities[r + row, c + col] & cities[r + other_row, c + other_col]
+                blocked |= cities[row : row + height, left + col : left + col + width]
+            for corner in passed_corners(rows, cols):
+                first, second = (
+                    cities[row : row + height, left + col : left + col + width]
+                    for row, col in corner
+                )
+                blocked |= first & second
+            r, c = cells[:height, None], cells[None, left : left + width]
             sight[r, c, r + rows, c + cols] = ~blocked
             sight[r + rows, c + cols, r, c] = ~blocked
     return np.moveaxis(sight, -1, 0).reshape(*several, *(size,) * 4)
