@@ -41,8 +41,8 @@ def main(out: Path) -> None:
     for link in body.select("a.headerlink"):
         link.decompose()
     for picture in body.select("img"):
-        shutil.copy(made.parent / picture["src"], out)
         picture["src"] = Path(picture["src"]).name
+        shutil.copy(out / "all" / "_images" / picture["src"], out)
     page = out / "article.html"
     text = PAGE.format(title=body.h1.get_text(), body=body.decode_contents())
     page.write_text(text, encoding="utf-8")
@@ -52,7 +52,9 @@ def main(out: Path) -> None:
     if engine is None or not shutil.which("pandoc"):
         print(f"no PDF: it needs pandoc, and one of {', '.join(ENGINES)}, on the path")
         return
-    make = ["pandoc", page.name, "--pdf-engine", engine, "-o", "article.pdf"]
+    make = ["pandoc", page.name, "--pdf-engine", engine, "-o", "article.pdf", "-M", "title="]
+    if engine == "typst":
+        make += ["-V", "header-includes=#show figure: set block(breakable: true)"]  # the table
     subprocess.run(make, check=True, cwd=out)
     print(out / "article.pdf")
 
