@@ -17,6 +17,7 @@ ENGINES = ("typst", "tectonic", "xelatex", "pdflatex")
 PAGE = """\
 <!doctype html>
 <html lang="en">
+<head>
 <meta charset="utf-8">
 <title>{title}</title>
 <style>
@@ -25,7 +26,10 @@ table {{ border-collapse: collapse; font-size: 0.9rem; }}
 td, th {{ padding: 0.3rem 0.5rem; border-top: 1px solid; text-align: left; vertical-align: top; }}
 img {{ max-width: 100%; }}
 </style>
+</head>
+<body>
 {body}
+</body>
 </html>
 """
 
