@@ -65,13 +65,14 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], li
                 if not match or "/." in f"/{match['file']}" or entry.file_size > LARGEST:
                     odd += [entry.filename] * (not entry.is_dir())
                     continue
+                content = packed.read(entry)  # before an earlier one is deleted: it may be damaged
                 folder = course / "submitted" / match["who"] / assignment
                 if match["who"] not in students:
                     students.append(match["who"])
                     shutil.rmtree(folder, ignore_errors=True)
                     folder.mkdir(parents=True)
                 name = Path(match["file"]).name[-100:]  # file systems have limits
-                (folder / name).write_bytes(packed.read(entry))
+                (folder / name).write_bytes(content)
     except OSError:
         raise
     except Exception as error:  # whatever a damaged or encrypted zip makes its reader say
