@@ -34,12 +34,14 @@ if project:
 
 # %%
 # %matplotlib inline
+import numpy as np
 from matplotlib.figure import Figure
 
 from uavdh_lite.missions import environment_of
 from uavdh_lite.plotting import draw_rates
 
 environment = environment_of("manhattan")
+city, channel = environment.city, environment.channel
 figure = Figure(figsize=(6, 5), layout="constrained")
 draw_rates(figure.subplots(), environment, device=(4, 7))
 figure
@@ -59,8 +61,7 @@ figure
 # The city is a grid of 16 × 16 cells, each 10 m wide. For each cell there are three yes-or-no
 # questions, the *layers* of the map:
 
-# %%
-city, channel = environment.city, environment.channel
+# %% tags=["hide-input"]
 figure = Figure(figsize=(9, 3.2), layout="constrained")
 for ax, name in zip(figure.subplots(1, 3), ("landing", "no_fly", "buildings")):
     ax.imshow(getattr(city, name), cmap="Greys")
@@ -98,9 +99,7 @@ figure
 # The term in the middle is the *path loss*, and $\alpha_l$ the *path-loss exponent*: 2.27 if there
 # is *line of sight* (LoS), and 3.64 if there is none (NLoS), because a building is in the way:
 
-# %%
-import numpy as np
-
+# %% tags=["hide-input"]
 distance_m = np.geomspace(10, 200)
 figure = Figure(figsize=(5.5, 3.4), layout="constrained")
 ax = figure.subplots()
@@ -172,6 +171,11 @@ Quiz("behind_a_corner")
 # %%
 from uavdh_lite.channel import rate  # this formula, for SNRs in dB; exercise 1.1 asks you for it
 
+for distance in (0, 10, 20, 30, 100):
+    los, nlos = rate(snr_db(distance, 2.27)), rate(snr_db(distance, 3.64))
+    print(f"{distance:>4} m: {los:.3f} data units per slot in sight, {nlos:.4f} behind a building")
+
+# %% tags=["hide-input"]
 ground_m = np.linspace(0, 120)
 figure = Figure(figsize=(5.5, 3.4), layout="constrained")
 ax = figure.subplots()
@@ -180,11 +184,6 @@ ax.plot(ground_m, rate(snr_db(ground_m, 3.64)), "--", label="NLoS")
 ax.set(xlabel="distance on the ground, m", ylabel="data units per slot")
 ax.legend()
 figure
-
-# %%
-for distance in (0, 10, 20, 30, 100):
-    los, nlos = rate(snr_db(distance, 2.27)), rate(snr_db(distance, 3.64))
-    print(f"{distance:>4} m: {los:.3f} data units per slot in sight, {nlos:.4f} behind a building")
 
 # %% [markdown]
 # - **Twice the distance** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR, each

@@ -33,10 +33,12 @@ if project:
 
 # %%
 # %matplotlib inline
+import numpy as np
 from matplotlib.figure import Figure
 
 from uavdh_lite.missions import environment_of
 from uavdh_lite.plotting import draw_city, shadow_sum
+from uavdh_lite.shadowing import crossed_cells, line_of_sight
 
 environment, device = environment_of("manhattan"), (7, 9)
 figure = Figure(figsize=(5.5, 5.5), layout="constrained")
@@ -68,12 +70,7 @@ figure
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 
-# %%
-import numpy as np
-
-from uavdh_lite.shadowing import crossed_cells, line_of_sight
-
-
+# %% tags=["hide-input"]
 def draw_ray(ax, rows, cols, cells, cmap="Blues"):
     shade = np.zeros((rows + 1, cols + 1))
     shade[tuple(np.transpose(cells))] = 1
@@ -82,7 +79,6 @@ def draw_ray(ax, rows, cols, cells, cmap="Blues"):
     ax.set(xlabel="column", ylabel="row", aspect="equal", yticks=range(rows + 1))
     ax.set(xlim=(-0.9, cols + 0.9), ylim=(rows + 0.7, -0.7))
 
-# %%
 figure = Figure(figsize=(5.5, 2.7), layout="constrained")
 draw_ray(figure.subplots(), 2, 5, crossed_cells(2, 5))
 figure
@@ -98,7 +94,7 @@ figure
 # at the corners of the cells. There $r$ and $c$ end in ½, so we double all the numbers to make them
 # whole:
 
-# %%
+# %% tags=["hide-input"]
 from uavdh_lite.plotting import BLUE, VERMILION
 
 R, C = 2, 5
@@ -109,8 +105,6 @@ for r, c in np.ndindex(R + 2, C + 2):
     sign = R * (2 * c - 1) - C * (2 * r - 1)
     box = {"boxstyle": "round", "fc": BLUE if sign > 0 else VERMILION, "lw": 0}
     ax.text(c - 0.5, r - 0.5, f"{sign:+d}", ha="center", va="center", color="white", bbox=box)
-
-# %%
 figure
 
 # %% [markdown]
@@ -132,6 +126,7 @@ figure
 # whole numbers:
 
 # %%
+R, C = 2, 5
 r, c = np.indices((R + 1, C + 1))
 crossed = 2 * abs(R * c - C * r) < R + C
 print(crossed.astype(int))
@@ -159,7 +154,7 @@ Quiz("touching_a_corner")
 # A diagonal ray passes exactly through corners, and at each of them it touches two more cells, one
 # on either side. In the next figure, grey cells are buildings:
 
-# %%
+# %% tags=["hide-input"]
 figure = Figure(figsize=(7, 2.7), layout="constrained")
 for ax, cells in zip(figure.subplots(1, 3), ([(1, 2)], [(1, 2), (3, 2)], [(1, 2), (2, 1)])):
     buildings = np.zeros((4, 4), bool)

@@ -165,8 +165,8 @@ for action in (NORTH, NORTH):
 
 # %% [markdown]
 # The first move costs 0.2, but brings in 0.1 data units. The second move would take the UAV off the
-# map, so it hovers instead, at an extra cost of 1. The agent of notebook 6 learns from the action
-# that it chose, not from the hovering, because it is the choice that has to be discouraged.
+# map, so it hovers instead, at an extra cost of 1. The DDQN agent learned from the action that it
+# chose, not from the hovering, because it is the choice that has to be discouraged.
 #
 # The controller is part of the UAV, not of the training: even the trained agent makes a few wrong
 # moves in every hundred missions. One could also remove the forbidden actions from its choices,

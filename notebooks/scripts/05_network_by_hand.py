@@ -69,10 +69,10 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 # something is on the right and nothing on the left.
 #
 # Neurons with the same inputs form a **layer**, which is **fully connected**, or *dense*, if each
-# has a weight for every input. Two layers can do no more than one, because a weighted sum of
-# straight lines is again a straight line. So between them, something has to bend the lines: the
-# **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others. Here
-# are three bent lines and their sum:
+# has a weight for every input. Two such layers in a row can do no more than one, because a weighted
+# sum of straight lines is again a straight line. So between them, something has to bend the lines:
+# the **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others.
+# Here are three bent lines and their sum:
 
 # %% tags=["hide-input"]
 from matplotlib import pyplot as plt
@@ -141,9 +141,16 @@ ax.set(xlabel="weight", ylabel="loss");
 # pass has left, so one backward pass gives the slopes of *all* weights. This is
 # **backpropagation**.
 #
+# PyTorch does the same. Its arrays, **tensors**, remember how they were computed:
+
+# %%
+w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # note all operations on these
+loss = (w2 * torch.relu(w1 * 3) - 6) ** 2
+slopes = torch.autograd.grad(loss, (w1, w2))
+print("loss", loss.item(), "slopes", [slope.item() for slope in slopes])
+
+# %% [markdown]
 # ### PyTorch, as much as the course needs
-#
-# PyTorch's arrays, **tensors**, remember how they were computed, so slopes can be followed back.
 #
 # | what it does | a line of code |
 # | --- | --- |
@@ -155,17 +162,8 @@ ax.set(xlabel="weight", ylabel="loss");
 # | compute without remembering: no slope will flow | `with torch.no_grad(): y = net(torch.rand(5, 2))` |
 # | a second network with the same weights | `other = copy.deepcopy(net)` |
 #
-# Mind the shapes: a column (5, 1) minus a list (5,) is a table of 5 × 5, and nothing warns you. The
-# network of the drawing:
-
-# %%
-w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # note all operations on these
-loss = (w2 * torch.relu(w1 * 3) - 6) ** 2
-slopes = torch.autograd.grad(loss, (w1, w2))
-print("loss", loss.item(), "slopes", [slope.item() for slope in slopes])
-
-
-# %% [markdown]
+# Mind the shapes: a column (5, 1) minus a list (5,) is a table of 5 × 5, and nothing warns you.
+#
 # ## 5.4 Five lines of PyTorch
 #
 # This function trains a network on examples `x` with the right answers `y`:
@@ -198,6 +196,7 @@ def train(model, x, y, updates=400):
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
+# conv2d takes batches of pictures with several layers: here one picture with one layer
 one, kernel = (torch.tensor(x, dtype=torch.float32)[None, None] for x in (picture, weights))
 result = torch.nn.functional.conv2d(one, kernel)[0, 0]
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
@@ -208,9 +207,9 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # building moves one cell east, so does the result (**translation equivariance**). A kernel $k$
 # cells wide turns $n$ cells into $n-k+1$; a rim of zeros (**padding**) would keep the size.
 #
-# The number of cells by which the window moves each time is the **stride**. A stride of 2 leaves
-# about half as many cells along each side, but now the result moves along with the picture only if
-# that moves by a multiple of 2.
+# The number of cells by which the window moves each time is the **stride** $s$. It leaves
+# $\lfloor(n-k)/s\rfloor+1$ cells along each side. But with a stride of 2 the result moves along with
+# the picture only if that moves by a multiple of 2.
 #
 # ## 5.6 One question, three networks
 #

@@ -10,7 +10,7 @@
 # # 6 · From Q-learning to DDQN
 #
 # In the corner of the village stands a device. Nobody has told the UAV where, and only the very last
-# step brings a reward. Yet after some flights *at random* every cell knows the way:
+# step brings a reward. Yet from flights *at random* every cell can learn the way:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -75,7 +75,7 @@ draw_values([right_values], [""])
 # | **What you'll need** | Notebooks 3 to 5. 40 minutes to read, 40 seconds to run; 60 minutes of exercises |
 #
 # The greener a cell, the more it is worth; an arrow shows its best move. **How can a number in one
-# corner know about a reward twelve steps away?**
+# corner know about a reward thirteen steps away?**
 #
 # ## 6.1 A table
 #
@@ -102,8 +102,9 @@ step((0, 0), 0), step((5, 7), 2)
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
-# This is the **Bellman equation**, and the answer to the question: no number has to know about
-# twelve steps. Each only has to agree with its neighbour, and the neighbour with the next. Nobody
+# This is the **Bellman equation** (the maximum is what the cell is worth, its *value* $V(s')$), and
+# the answer to the question: no number has to know about
+# thirteen steps. Each only has to agree with its neighbour, and the neighbour with the next. Nobody
 # gives us the table, so we start with zeros. Each step tells us $r$ and $s'$, and so what the right
 # side says *now*, the **target** $y$. The entry moves a fraction $\alpha$ of the way to $y$:
 #
@@ -132,7 +133,8 @@ draw_values([learn_table(n) for n in (1, 4, 40)], ["1 flight", "4 flights", "40 
 # The method is **Q-learning**, and the gap $y-Q(s,a)$ is the **TD error** (*temporal difference*).
 # It is *model-free*: it needs steps, and not notebook 3's distribution $p$. In a world with chance,
 # the right-hand side of the Bellman equation is a mean over what may come next, and a small
-# $\alpha$ averages good and bad luck.
+# $\alpha$ averages good and bad luck. A table becomes right if every action is tried in every cell
+# again and again, and $\alpha$ falls slowly to 0.
 #
 # Now break it. The UAV flew at random, and yet learned what *good* flying is worth, because the
 # target asks for the best next action, $\max$. What if it asks for the mean of all four?
@@ -221,7 +223,11 @@ def value(network):
 exploding = []
 for seed in range(3):
     online, optimiser = network_and_optimiser(seed)
-    exploding.append([update(online, online, optimiser) or value(online) for _ in range(1500)])
+    path = []
+    for _ in range(1500):
+        update(online, online, optimiser)
+        path.append(value(online))
+    exploding.append(path)
 print("value of the start:", *(f"{path[-1]:,.0f}" for path in exploding))
 assert min(path[-1] for path in exploding) > 100
 
@@ -341,7 +347,7 @@ Quiz("whose_maximum")
 # $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
 
 # %%
-def double_target(reward, ended, gamma, online_next, target_next):
+def double_target(reward, ended, gamma, online_next, target_next):  # ended: True or False
     best = online_next.argmax(dim=1, keepdim=True)  # the online network chooses,
     return reward + gamma * ~ended * target_next.gather(1, best)[:, 0]  # the target one judges
 

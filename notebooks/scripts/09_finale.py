@@ -115,7 +115,8 @@ class Safe(Environment):
     def in_time(self, state, action):
         after = self.next_cell[state.city, state.uav_cell, action]
         too_late = self.time_to_land[state.city, after] > state.time_left - 1
-        return np.where(too_late, self.way_home[state.city, state.uav_cell], action)
+        home = self.way_home[state.city, state.uav_cell]  # the first action of the shortest way
+        return np.where(too_late, home, action)
 
 # %% [markdown]
 # Many drones have such a **failsafe**, also called a **shield**. Try it with the worst pilot, and
@@ -195,7 +196,7 @@ draw_maps({"buildings": maps[0, 2], "data left": maps[0, 3], "told": maps[0, 5]}
 def best_actions(network, see):
     return FunctionPolicy(lambda state: network(*see(state)).detach().argmax(1).numpy())
 
-def learn(see, steps=40_000):
+def learn(see, steps=32_000):
     returns = []
     for step, network in train(Settings(steps=steps), see):
         if step % 4_000 == 0:
@@ -276,8 +277,8 @@ beside_greedy(Safe(other))
 # %% [markdown]
 # Over its own village half a minute of learning takes an agent most of the way from chance to the
 # rule. Over the hamlet it is lost, although it sees the map: it has only ever seen one city, and
-# what it knows by heart (8.5) is wrong there. What it was *told* is right there, too, but in
-# training it could do without. What would help? **Many cities** to learn in: see 9.5.
+# what it knows by heart (8.5) is wrong there. What it was *told* is right there, too, but is one
+# picture among six. What would help? **Many cities** to learn in: see 9.5.
 #
 # ### The last flight
 #
@@ -318,8 +319,8 @@ play(safe, {name: flights.trajectory(0) for name, flights in flown.items()})
 # $$L=-A\,\log\pi(a\mid s)$$
 #
 # A method that changes the probabilities themselves is a **policy gradient** method (PPO is the
-# best known). It is on-policy (6.1) and uses a flight only once or a few times, whereas DDQN learns
-# from a stored step again and again.
+# best known). It is on-policy (6.1): after a few updates the flights are those of another policy and
+# must be flown anew, whereas DDQN learns from a stored step again and again.
 #
 # The picture at the top shows the result over Manhattan, and this table the lead over the rule:
 

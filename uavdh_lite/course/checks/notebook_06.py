@@ -173,7 +173,8 @@ def made(fault=""):
     "6.4 · Four bugs in an update (3 points, 25 minutes)",
     rules={
         "With γ = 0 the target y is the reward alone, and only the Q-value of the action that was "
-        "taken moves towards it: `gather` picks it. (One update; τ = 0.)": [(0, 0.0, 0.0, 1, 0.0)],
+        "taken moves towards it: `gather` picks it, and the loss is the mean of (y − q)². With "
+        "τ = 0 the target network stays as it is.": [(0, 0.0, 0.0, 1, 0.0)],
         "y is the reward plus γ times the target network's largest Q-value of the next cell, and a "
         "number: computed inside `torch.no_grad()`.": [(1, 0.9, 0.0, 1, 0.0)],
         "Where the episode ended, y is the reward alone: the second part times (1 − ended).": [

@@ -158,8 +158,8 @@ def rounds(ended="both", early=False, stays=False):
     rules={
         "The memory gets the state after the step, and the round returns the state from which the "
         "next one goes on: the same, if no flight has ended.": [("fly", 0), ("fly", 1)],
-        "Where a flight has ended, the memory must hold the state as `step` gave it. If the new "
-        "mission takes its place first, no stored step ever ends.": [("land", 2)],
+        "Where a flight has ended, the memory must hold the state as `step` gave it, and what is "
+        "returned a new mission in its place.": [("land", 2)],
         "A flight ends by landing *or* when the time is up; `after.ended` says both. In either "
         "case a new mission begins.": [("crash", 3), ("mixed", 4), ("mixed", 5)],
     },
