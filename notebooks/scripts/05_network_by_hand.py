@@ -281,8 +281,8 @@ class QNetwork(nn.Module):
         return self.head(torch.cat([self.convolutions(maps), time], dim=1))
 
 # %% [markdown]
-# `nn.Conv2d(5, 8, 3, 2)` reads 5 layers with 8 kernels of 3 × 3 that move by 2 cells. Ask it about
-# four missions:
+# `nn.Conv2d(5, 8, 3, 2)` reads 5 layers with 8 kernels of 3 × 3 that move by 2 cells. With a bias
+# each, these are $8\,(5\cdot9+1)=368$ weights. Ask it about four missions:
 
 # %%
 from uavdh_lite.city import load_city

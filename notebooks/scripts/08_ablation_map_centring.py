@@ -101,7 +101,7 @@ draw_maps(pictures)
 # ## 8.2 Train both arms
 #
 # This is the loop of notebook 7 with the recipe `small`. First your guess: how far apart will the
-# two be after 36,000 steps?
+# two be after 32,000 steps?
 
 # %%
 import torch
@@ -112,7 +112,7 @@ from uavdh_lite.training import Trainer
 torch.set_num_threads(1)
 
 def learn(name, **changes):
-    recipe = replace(SMALL, steps=36_000, validation_interval=6_000, validation_episodes=100,
+    recipe = replace(SMALL, steps=32_000, validation_interval=4_000, validation_episodes=100,
                      **changes)
     trainer = Trainer(VILLAGE, recipe, seed=0)
     while not trainer.finished:
@@ -158,9 +158,9 @@ trained["not centred, scaled"] = learn("scaled", observation="non_centred", data
 draw_trained()
 
 # %% [markdown]
-# In this run the scaled arm ends higher. So the guess was right? It is one short run of each, and
-# in the figure above three runs of one and the same arm end between 65 and 77 %, without any change
-# at all. A guess that sounds right is still a guess. How much would persuade you?
+# If the scaled arm ends higher in your run, was the guess right? It is one short run of each, and in
+# the figure above three runs of one and the same arm end between 65 and 77 %, without any change at
+# all. A guess that sounds right is still a guess. How much would persuade you?
 #
 # ## 8.3 How sure can you be?
 #
