@@ -101,7 +101,7 @@ draw_maps(pictures)
 # ## 8.2 Train both arms
 #
 # This is the loop of notebook 7 with the recipe `small`. First your guess: how far apart will the
-# two be after 32,000 steps?
+# two be after 36,000 steps?
 
 # %%
 import torch
@@ -112,7 +112,7 @@ from uavdh_lite.training import Trainer
 torch.set_num_threads(1)
 
 def learn(name, **changes):
-    recipe = replace(SMALL, steps=32_000, validation_interval=4_000, validation_episodes=100,
+    recipe = replace(SMALL, steps=36_000, validation_interval=6_000, validation_episodes=100,
                      **changes)
     trainer = Trainer(VILLAGE, recipe, seed=0)
     while not trainer.finished:
