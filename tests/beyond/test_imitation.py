@@ -51,6 +51,20 @@ def test_the_memory_holds_what_the_planner_does(run):
     assert len(values) > 10 and same.mean() > 0.9
 
 
+def test_flights_begin_where_the_learner_has_flown_once_it_has_learned_and_can_land(
+    corridor, corridor_scenario, recipe
+):
+    """Without the failsafe it is often too late for that."""
+    recipe = replace(recipe, own_starts=1.0, exploring_starts=0.0, failsafe=False)
+    run = Reinforced(corridor_scenario, recipe, 0, corridor)
+    assert run.from_start.all()
+    while run.from_start.any() and run.steps < 1600:
+        run.step()
+    assert run.updates and not run.from_start.any()
+    plans = [*run.plans, *(actions for _, actions, _ in run.waiting)]
+    assert all(actions[-1] == LAND for actions in plans)
+
+
 def test_starts_are_of_every_kind_and_plans_land(run, corridor_scenario):
     planned = [flight for _ in range(5) for flight in run._planned()]
     ordinary = np.array([flight[0] for flight in planned])
