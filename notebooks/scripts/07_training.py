@@ -294,7 +294,7 @@ figure.supylabel("share", fontsize="medium");
 
 # %% [markdown]
 # With a **price of 150** it learns to land, and leaves more than half of the data behind. **Without
-# a price** it learns later, and in the end is still in the air in a fifth to half of the missions
+# a price** it learns later, and in the end is still in the air in a sixth to half of the missions
 # when time is up. From a **frozen** judge it can learn one step ahead and no more, so news does not
 # spread. With a **small memory**, a minibatch comes from the same few flights: one run became
 # timid, two learned nothing. **At random** it still learns, because Q-learning is off-policy (6.1)
