@@ -158,9 +158,9 @@ trained["not centred, scaled"] = learn("scaled", observation="non_centred", data
 draw_trained()
 
 # %% [markdown]
-# In this run the scaled arm ends higher. So the guess was right? It is one short run of each, and
-# in the figure above three runs of one and the same arm end between 65 and 77 %, without any change
-# at all. A guess that sounds right is still a guess. How much would persuade you?
+# If the scaled arm ends higher in your run, was the guess right? It is one short run of each, and in
+# the figure above three runs of one and the same arm end between 65 and 77 %, without any change at
+# all. A guess that sounds right is still a guess. How much would persuade you?
 #
 # ## 8.3 How sure can you be?
 #
