@@ -41,7 +41,7 @@ for ax, city in zip(figure.subplots(1, 2, sharey=True), ("manhattan", "open_fiel
     table = read_table(data_folder() / f"runs/comparison-{city}.csv.gz")
     for policy in ("genie_data", "greedy", f"{city}_ddqn"):
         mean, low, high = mean_interval(table["collected_and_landed"][table["policy"] == policy])
-        name = {"genie_data": "genie", "greedy": "greedy"}.get(policy, "the agent")
+        name = {"genie_data": "genie", "greedy": "greedy"}.get(policy, "DDQN agent")
         ax.errorbar(mean, name, xerr=[[mean - low], [high - mean]], fmt="o", capsize=4, color=BLUE)
     ax.set(title=city, xlabel="collected and landed", xlim=(0.945, 1))
 figure
@@ -60,12 +60,13 @@ figure
 #
 # | policy | what it knows |
 # | --- | --- |
-# | the agent | the map, the devices, their data and the time left. It learned what to do with a strengthened form of the paper's method |
+# | the DDQN agent, *the agent* for short | the map, the devices, their data and the time left. It learned what to do with a strengthened form of the paper's method |
 # | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
 # | genie | the same, plus the rate without fading between every cell and every device. It searches among whole flights for the one that brings home the most data |
 # | random | nothing. It picks its actions at random |
 #
-# Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`.
+# Each city has a DDQN agent of its own: `manhattan_ddqn`, which you know from the course, and
+# `open_field_ddqn`.
 
 # %%
 import numpy as np
