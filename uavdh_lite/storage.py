@@ -29,13 +29,14 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
 
     A reader of `path` sees the old file or the new one, never a part. If anything fails (a full
     disk, a folder that cannot be written), the old file stays as it was, the temporary file is
-    removed, and the caller gets the error.
+    removed, and the caller gets the error. A link stays one: the file that it leads to is written.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    named, path = path, Path(os.path.realpath(path))
     # The same folder, so that the rename stays within one file system; the same suffix, because
     # Pillow and matplotlib choose the format by it; not the name, which may leave no room for more.
-    temporary = path.parent / f".{secrets.token_hex(8)}.unfinished{path.suffix}"
+    temporary = path.parent / f".{secrets.token_hex(8)}.unfinished{named.suffix}"
     try:
         temporary.open("xb").close()  # like any new file: the umask says who may read it
         write(temporary)
@@ -45,7 +46,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):  # a full disk names no file, a closed folder the temporary
-            error.filename = str(path)
+            error.filename = str(named)
         raise
 
 

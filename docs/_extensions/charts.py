@@ -252,8 +252,8 @@ def centring() -> Figure:
 
 
 def parts() -> Figure:
-    """The end of each run of `lite` with one part undone, in both arms, a dot a run."""
-    ends = ends_of("pilots-manhattan")
+    """The end of each run without one part, and of `lite`, in both arms, a dot a run."""
+    ends = ends_of("pilots-manhattan") | ends_of("short-manhattan")
     names = [name.removeprefix("centred_") for name in ends if name.startswith("centred_")]
     names.sort(key=lambda name: -ends[f"centred_{name}"][BOTH].mean())
     figure = _figure(1 + 0.27 * len(names))
@@ -388,7 +388,7 @@ CHARTS = {  # name: what draws it, and from which recorded files
     "agents": (agents, (*COMPARISONS, "comparison-any_city.csv.gz")),
     "steps": (steps, (LADDER, ABLATION[0], "ddqn-manhattan.csv.gz")),
     "centring": (centring, ABLATION),
-    "parts": (parts, ("pilots-manhattan.csv.gz",)),
+    "parts": (parts, ("pilots-manhattan.csv.gz", "short-manhattan.csv.gz")),
     "four_ways": (four_ways, ("four_ways-manhattan.csv.gz",)),
     "any_city": (any_city, ("comparison-any_city.csv.gz", "unseen_cities.csv.gz")),
     "real_city": (real_city, ("real_city.csv.gz",)),

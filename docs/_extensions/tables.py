@@ -397,8 +397,8 @@ def study(name: str) -> str:
 
 
 def parts() -> str:
-    """What is left of `lite` without each of its parts, with the map centred and in place."""
-    ends = ends_of("pilots-manhattan")
+    """What each part was worth of the recipe that `lite` was chosen from, and `lite`, by arm."""
+    ends = ends_of("pilots-manhattan") | ends_of("short-manhattan")
     names = [name.removeprefix("centred_") for name in ends if name.startswith("centred_")]
     first, rows = names[0], {}
     for name in names:
@@ -412,11 +412,11 @@ def parts() -> str:
             row += [_numbers(own[BOTH], 3), change, _numbers(own["return"], 1)]
         rows[name] = row
     others = sorted(names[1:], key=lambda name: ends[f"centred_{name}"][BOTH].mean())
-    head = ["recipe `lite`"]
+    head = ["the longer recipe"]
     for arm in ("centred", "in place"):
         head += [f"{arm}: collected and landed, by seed", "change of the mean", "return, by seed"]
     table = _table(head, (rows[name] for name in (first, *others)))
-    return f"{table}\n{_run_by('pilots-manhattan')}"
+    return f"{table}\n{_run_by('pilots-manhattan')} {_run_by('short-manhattan')}"
 
 
 def _change(values: np.ndarray, usual: np.ndarray, digits: int) -> str:

@@ -334,10 +334,10 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
 # are far above what then comes in, they diverge (6.3). [My agent does not
 # learn](../docs/tutorials/does_not_learn.md) is a checklist.
 #
-# `lite` strengthens the method for such a city. Four changes show the idea: 32 UAVs side by side; a
-# temperature that falls from 2 to 0.1; a price of a crash that grows from 10 to 150; and targets
-# with three rewards before the Q-value, a *three-step return*, so that news spreads faster (though
-# the second and third reward are what an older policy earned):
+# `lite` strengthens the method for such a city. Three changes show the idea: 32 UAVs side by side; a
+# price of a crash that grows from 10 to 150; and targets with three rewards before the Q-value, a
+# *three-step return*, so that news spreads faster (though the second and third reward are what an
+# older policy earned):
 #
 # $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
 #

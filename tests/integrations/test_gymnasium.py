@@ -1,5 +1,7 @@
 """The Gymnasium environments: the checkers pass, and both are the library's simulator."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 
@@ -79,6 +81,11 @@ START = in_the_corner(10)["start"]
         ({"uav_cell": 0}, "start is .*: expected a State of 1 ep"),
         (START[[0, 0]], "start is .*: expected a State of 1 ep"),
         (replace(START, data_initial=0 * START.data_initial + 15.1), "more time or data"),
+        (replace(START, data_initial=START.data_initial * np.nan), "data that is no number"),
+        (replace(START, data_left=START.data_initial + 1), "outside the observation space"),
+        (replace(START, uav_cell=np.flatnonzero(VILLAGE.no_fly)[:1]), "over a no-fly cell"),
+        (replace(START, uav_cell=np.array([64])), "in no cell"),
+        (replace(START, device_cells=0 * START.device_cells), "on a building or in the landing"),
         (replace(START, time_left=np.array([36])), "more time or data"),
         (replace(START, landed=np.array([True])), "is over"),
     ],
@@ -88,6 +95,39 @@ def test_a_start_that_cannot_be_flown_or_seen_is_refused(wrong, named):
     assert single().observation_space.contains(single().reset(options={"start": most})[0])
     with pytest.raises(InputError, match=named):
         single().reset(options={"start": wrong})
+
+
+SCRIPT = """
+import multiprocessing
+
+if __name__ == "__main__":
+    multiprocessing.set_start_method("spawn")
+    import gymnasium
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    ID = "uavdh_lite.bridges.gymnasium:uavdh_lite/DataHarvesting-v0"
+    start = {"start_method": "spawn"}
+    options = {"env_kwargs": {"scenario": "village"}, "vec_env_kwargs": start}
+    envs = make_vec_env(ID, 2, vec_env_cls=SubprocVecEnv, **options)
+    print(envs.reset()["map"].shape)
+    envs.close()
+    envs = gymnasium.make_vec(ID, 2, vectorization_mode="async", scenario="village")
+    print(envs.reset(seed=0)[0]["map"].shape)
+    envs.close()
+"""
+
+
+@pytest.mark.long
+@pytest.mark.longest
+def test_processes_that_inherit_nothing_find_the_environment_by_its_module(tmp_path):
+    """As in a Jupyter kernel: what the parent imported has registered nothing in them."""
+    pytest.importorskip("stable_baselines3")
+    (tmp_path / "script.py").write_text(SCRIPT)
+    ran = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
+    assert ran.stdout.split("\n")[:2] == ["(2, 5, 15, 15)"] * 2, ran.stderr
 
 
 def batch(count, **options):

@@ -59,6 +59,15 @@ def test_a_column_is_of_numbers_or_text_and_empty_where_nothing_stands(encoding,
     np.testing.assert_array_equal(read["c"], [np.nan, 0.5])
 
 
+def test_the_file_that_a_link_leads_to_is_written(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "a.json").symlink_to(tmp_path / "real" / "b")
+    for values in ({"first": 1}, {"second": 2}):
+        write_json(tmp_path / "a.json", values)
+        assert json.loads((tmp_path / "real" / "b").read_text()) == values
+    assert (tmp_path / "a.json").is_symlink()
+
+
 def test_a_folder_that_cannot_be_written_names_the_file_that_was_meant(tmp_path, monkeypatch):
     def closed(path, mode):
         raise PermissionError(errno.EACCES, "Permission denied", str(path))

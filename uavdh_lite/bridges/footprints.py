@@ -37,6 +37,12 @@ UNDERGROUND = "left out: underground, or on a layer below 0"
 OUTSIDE = "left out: outside the city"
 TOO_SMALL = "left out: no cell that they touch is half built on"
 
+OTHERS = {  # how files begin that are not GeoJSON, and what they are
+    b"version https://git-lfs": "a pointer of Git LFS and not the file: run git lfs pull",
+    b"PK\x03\x04": "a ZIP archive: unpack it",
+    b"<": "XML or HTML, as OpenStreetMap's own files, KML, GML and a server's error pages are",
+}
+
 
 @dataclass(frozen=True)
 class Raster:
@@ -212,9 +218,10 @@ def city_of_shares(
 def _features(path: Path) -> Iterator[Any]:
     """The features of a file, as they are."""
     content = path.read_bytes()
+    for start, what in OTHERS.items():
+        if content.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(start):
+            raise InputError(f"{path}: {what}; expected GeoJSON")
     text = content.decode(json.detect_encoding(content), "replace").strip()
-    if text.startswith("<"):
-        raise InputError(f"{path}: XML or HTML, such as OpenStreetMap's own files; export GeoJSON")
     try:
         try:
             parts = [json.loads(text)]

@@ -111,10 +111,22 @@ class DataHarvesting(gymnasium.Env):
             return self.scenario.sample(self.environment, count, generator)
         if not isinstance(start, State) or len(start) != count:
             raise InputError(f"start is {shown(start)}: expected a State of {count} episodes")
-        data, time = start.data_initial.max(), start.time_left.max()  # more would not be seen
-        more = data > self.scenario.data[1] or time > self.scenario.flying_time[1]
-        if more or start.ended.any():
-            raise InputError("start that is over, or with more time or data than the scenario has")
+        environment, city = self.environment, start.city[:, None]
+        cells = np.c_[start.uav_cell, start.device_cells]
+        known = (cells >= 0) & (cells < environment.size**2)
+        known &= (city >= 0) & (city < len(environment.cities))
+        if not known.all() or environment.no_fly[city, cells][:, 0].any():
+            raise InputError("start with the UAV over a no-fly cell, or in no cell of its city")
+        if (~environment.open_to_devices[city, cells[:, 1:]] & (start.data_initial > 0)).any():
+            raise InputError("start with a device on a building or in the landing zone")
+        seen = self.observe(start)  # below 0 for odd data
+        parts = [{name: all_[i] for name, all_ in seen.items()} for i in range(count)]
+        inside = all(map(self.observation_space.contains, parts))
+        if start.ended.any() or not start.data_initial.any(axis=1).all() or not inside:
+            raise InputError(
+                f"start that is over, without data, or outside the observation space of scenario "
+                f"{self.scenario.name}: more time or data than it has, or data that is no number"
+            )
         return start
 
     def step(self, action: int) -> tuple[dict, float, bool, bool, dict]:

@@ -29,6 +29,8 @@ COMMANDS = {
     "classroom": ("classroom", "Collect, look through and give back a class's exercises."),
     "app": ("app", "Write the interactive labs as one file, and open it."),
 }
+# In messages of PyTorch's and matplotlib's errors, which have no class of their own
+RUNTIME_ERRORS = ("memory", "latex")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -55,10 +57,12 @@ def main(arguments: list[str] | None = None) -> int:
         return 141
     except OSError as error:
         return _fail(1, f"{error.filename}: {error.strerror}" if error.filename else error)
-    except (MemoryError, RuntimeError) as error:  # PyTorch has no class for the lack of memory
-        if isinstance(error, RuntimeError) and "memory" not in str(error):
+    except MemoryError as error:
+        return _fail(1, f"not enough memory: {error}")
+    except RuntimeError as error:
+        if not any(word in str(error) for word in RUNTIME_ERRORS):
             raise
-        return _fail(1, f"not enough memory: {error}".partition("\n")[0])
+        return _fail(1, str(error).partition("\n")[0])
     except KeyboardInterrupt:
         return 130
     return 0
