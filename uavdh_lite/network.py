@@ -130,5 +130,6 @@ def fully_connected(
 def with_initial_weights(layer: nn.Conv2d | nn.Linear) -> nn.Module:
     """The layer with Glorot's uniform weights (Glorot and Bengio, 2010) and biases of 0."""
     nn.init.xavier_uniform_(layer.weight)
-    nn.init.zeros_(layer.bias)
+    if layer.bias is not None:
+        nn.init.zeros_(layer.bias)
     return layer

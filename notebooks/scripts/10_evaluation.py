@@ -424,4 +424,3 @@ figure
 #
 # - Agarwal et al.: *Deep Reinforcement Learning at the Edge of the Statistical Precipice*, NeurIPS 2021.
 # - Efron and Tibshirani: *An Introduction to the Bootstrap*, 1993.
-# - Bayerlein et al., Globecom 2020, Table II.

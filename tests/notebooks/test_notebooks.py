@@ -23,9 +23,9 @@ NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 SECTIONS = ("What you'll do", "What you'll learn", "What you'll need", "Recap", "Exercises")
 COURSE = range(10)  # the numbers of its notebooks; the others go further
 BRIEFLY = {  # steps of trainings, and fewer
-    "07_training": {"96_000": "4_800"},
-    "08_ablation_map_centring": {"40_000": "4_000", "5_000": "4_000"},
-    "09_finale": {"40_000": "4_000"},
+    "07_training": {"72_000": "4_800"},
+    "08_ablation_map_centring": {"36_000": "4_000", "6_000": "4_000"},
+    "09_finale": {"32_000": "4_000"},
 }
 
 SCRIPTS = execute.scripts()
@@ -205,6 +205,7 @@ def test_the_code_of_a_notebook_that_trains_for_long_runs(stem, tmp_path, monkey
     monkeypatch.chdir(tmp_path)  # 7 saves an agent
     monkeypatch.setattr(live, "display", lambda *_, **named: DisplayHandle())
     (script,) = (each for each in SCRIPTS if each.stem == stem)
+    assert all(steps in script.read_text(encoding="utf-8") for steps in BRIEFLY[stem])
     space, waits = {"__name__": "__main__"}, ast.PyCF_ALLOW_TOP_LEVEL_AWAIT
     for cell in code(execute.from_script(script))[1:]:  # the first finds the library
         source = re.sub(r"\d+(?=, seed=)", "50", cell.source)  # missions

@@ -1,6 +1,7 @@
 """Files are written whole or not at all, and tables come back."""
 
 import errno
+import json
 import subprocess
 import sys
 from pathlib import Path
