@@ -37,10 +37,10 @@ class Scenario:
         require_name(self.name, "scenario")
         for name in ("devices", "data", "flying_time"):
             least, most = getattr(self, name)
-            if least > most or most == 0:
+            if least > most or most < LEAST_DATA:
                 raise InputError(
                     f"scenario {self.name}: {name} from {least} to {most}: the first must not be "
-                    "above the second, which must be above 0"
+                    f"above the second, which must be at least {LEAST_DATA}"
                 )
 
     @property

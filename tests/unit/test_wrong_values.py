@@ -66,6 +66,7 @@ WRONG = [
     (lambda: scenario(devices=(1, 101)), "scenario mine: devices is .* at most 100"),
     (lambda: scenario(devices=(3, 2)), "scenario mine: devices from 3 to 2"),
     (lambda: scenario(data=(0.0, 0.0)), "scenario mine: data from 0.0 to 0.0"),
+    (lambda: scenario(data=(0.0, 0.05)), "scenario mine: data from 0.0 to 0.05"),
     (lambda: scenario(flying_time=(10, 40_000)), "scenario mine: flying_time is .* at most 32767"),
     (lambda: sample(Environment((OPEN, VILLAGE)), devices=(1, 5)), "5 devices, but open has 3"),
     (lambda: Observation(WORLD, "polar"), "'polar': choose centred or non_centred"),

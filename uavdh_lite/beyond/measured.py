@@ -98,9 +98,9 @@ def shipped_places() -> list[str]:
 def load_place(name: str | Path, channel: Channel | None = None) -> MeasuredEnvironment:
     """A shipped place by its name, or a city's PNG with its table of gains beside it, `.npz`.
 
-    The channel, by default the paper's, has the transmit power, the fading and the slots. Raises
-    `CityError` or `InputError` that names the file if one of the two cannot be used, or if the
-    table says that it was made over other buildings, or for another cell size or altitude.
+    Of the channel, by default the paper's, the transmit power and the slots count; there is no
+    fading. Raises `CityError` or `InputError` that names the file if one of the two cannot be used,
+    or if the table says that it was made for other buildings, or another cell size or altitude.
     """
     path = data_folder() / "places" / f"{name}.png" if name in shipped_places() else Path(name)
     table, channel = path.with_suffix(".npz"), channel or Channel()
