@@ -38,16 +38,17 @@ def pytest_xdist_auto_num_workers(config) -> int:
 def pytest_collection_modifyitems(items):
     """Of some notebooks others run the code: `test_solutions.py`, and the project's template.
 
-    Those that train for long, or go further than the course, are run by CI; of the former,
-    `test_notebooks.py` runs the code with fewer steps.
+    Those that go further than the course are run by CI. So are those that train for long, once a
+    week; at other times `test_notebooks.py` runs their code with fewer steps.
     """
     place = {stem: place for place, stem in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
     for item in items:
-        if "solutions" in item.path.parts or item.path.stem.startswith("example_"):
+        stem, trains = item.path.stem, ("07_training", "08_ablation_map_centring", "09_finale")
+        if "solutions" in item.path.parts or stem.startswith("example_") or stem in trains:
             item.add_marker("long")
             item.add_marker("longest")
-        elif item.path.suffix == ".ipynb" and item.path.stem >= "07":
+        elif item.path.suffix == ".ipynb" and stem >= "07":
             item.add_marker("long")
 
 

@@ -15,7 +15,8 @@ up (Bayerlein et al., Globecom 2020). The world is imported: `Environment` moves
     evaluate        flies missions that no training has seen, without exploring
     train           the loop
 
-The library does the same, to the bit, for any city and recipe (`observation` to `training`).
+From the same inputs each part computes what the library's does, to the bit (`observation` to
+`training`). The library goes on to keep the best network of a run; here the last one counts.
 """
 
 import argparse
@@ -46,13 +47,13 @@ class Settings:
     uavs: int = 16  # 1: they fly side by side, one update for a step of all, so flying is cheap
     discount: float = 0.95  # γ
     target_rate: float = 0.005  # τ
-    learning_rate: float = 2e-3  # 3e-5: few updates; it falls to 0, so that the last ones settle
-    batch: int = 64  # 128: half the price of an update, and still four steps of each UAV
-    memory: int = 40_000  # 50,000
-    prefill: int = 2_000  # 25,000: how many random steps come before the first update
-    temperature: float = 0.1  # β
+    learning_rate: float = 2e-3  # 3e-5 throughout: few updates; falls to 0: the last ones settle
+    batch: int = 64  # 128: half the price of an update, and still four steps a UAV on average
+    memory: int = 40_000  # 50,000: a shorter run
+    prefill: int = 2_000  # 25,000: random steps before the first update
+    temperature: float = 0.1  # β, constant
     # The departure that decides: 150 from the start. Who dreads a crash before knowing how much
-    # there is to collect lands at once. So the price grows in the first three quarters of the run.
+    # there is to collect lands at once. So the price grows; rewards in the memory keep theirs.
     crash_at_first: float = 5.0
     crash_at_last: float = 20.0
 
@@ -67,7 +68,7 @@ class CentredMap:
 
     The map, (B, 5, 2M − 1, 2M − 1), has five layers: landing zone, no-fly zone, buildings, data
     left, data collected. It holds the whole city of M × M cells wherever the UAV is. What lies
-    outside may not be entered. The time, (B, 1), is the flying time that is left.
+    outside may not be entered. The time, (B, 1), is the flying time left. No unit is scaled.
     """
 
     def __init__(self, environment: Environment):
@@ -83,7 +84,7 @@ class CentredMap:
         row, col = np.divmod(state.uav_cell, self.size)
         maps = np.zeros((len(state), 5, self.side, self.side), np.float32)
         maps[:, :3] = self.windows[:, row, col].swapaxes(0, 1)
-        rows, cols = np.divmod(state.device_cells, self.size)  # of the devices, (B, K)
+        rows, cols = np.divmod(state.device_cells, self.size)  # of K devices, (B, K)
         south, east = (rows.T - row).T + self.size - 1, (cols.T - col).T + self.size - 1
         place = np.arange(len(state))[:, None], south, east
         np.add.at(maps[:, 3], place, state.data_left)
@@ -93,7 +94,7 @@ class CentredMap:
 
 class QNetwork(nn.Module):
     """`network(map, time) -> q`, the value of each action, (B, 6) (Fig. 2). The authors' has 16
-    kernels of 5 × 5 that move by 1, and 3 layers of 256: a hundred times as many weights."""
+    kernels of 5 × 5 that move by 1, and 3 layers of 256: over their city 80 times the weights."""
 
     def __init__(self, side: int, layers: int = 5):
         super().__init__()
@@ -114,13 +115,13 @@ class QNetwork(nn.Module):
 def softmax_policy(q: Tensor, temperature: float, generator: np.random.Generator) -> np.ndarray:
     """An action for each row: a with a probability proportional to exp(Q(s, a) / β) (eq. 10)."""
     below = torch.softmax(q / temperature, dim=1).double().cumsum(dim=1).numpy()
-    drawn = generator.random(len(q))[:, None] * below[:, -1:]  # falls between two of the sums
+    drawn = generator.random(len(q))[:, None] * below[:, -1:]  # the last sum may be under 1
     return (below[:, :-1] <= drawn).sum(axis=1)
 
 
 class Memory:
-    """A ring of the last steps. Each minibatch holds the newest step of each UAV, so that none goes
-    by unused (combined experience replay, III-B; Zhang and Sutton, 2017)."""
+    """A ring of the last steps. Each minibatch holds the newest step of each UAV, so that each is
+    learned from at least once (combined experience replay, III-B; Zhang and Sutton, 2017)."""
 
     def __init__(self, capacity: int, uavs: int):
         self.capacity, self.uavs, self.stored = capacity // uavs * uavs, uavs, 0
@@ -142,7 +143,7 @@ class Memory:
     def sample(self, count: int, generator: np.random.Generator) -> tuple:
         """The newest step of each UAV, and others, all equally likely: s, a, r, s'."""
         others = generator.choice(len(self) - self.uavs, count - self.uavs, replace=False)
-        ago, uav = np.divmod(np.r_[: self.uavs, self.uavs + others], self.uavs)
+        ago, uav = np.divmod(np.r_[: self.uavs, self.uavs + others], self.uavs)  # backwards in time
         places = (self.stored - (ago + 1) * self.uavs + uav) % self.capacity
         drawn = [ring[places] for ring in self.ring]
         fields = len(drawn) // 2 - 1  # of a state
@@ -153,7 +154,8 @@ class Memory:
 def double_target(
     reward: Tensor, ended: Tensor, discount: float, online_next: Tensor, target_next: Tensor
 ) -> Tensor:
-    """y = r + γ Q̄(s', argmax_a Q(s', a)), and r alone where the episode ended; (B,) (eq. 8)."""
+    """y = r + γ Q̄(s', argmax_a Q(s', a)), and r alone where the episode ended; (B,) (eq. 8).
+    One network alone overrates what it has chosen."""
     best = online_next.argmax(dim=1, keepdim=True)  # the online network chooses,
     return reward + discount * ~ended * target_next.gather(1, best)[:, 0]  # the target one judges
 
@@ -177,7 +179,7 @@ def update(online, target, optimiser, see: CentredMap, batch: tuple, settings: S
 
 @torch.no_grad()
 def evaluate(network: nn.Module, see: CentredMap, missions: int = 200) -> tuple:
-    """Landed, and collected and landed: what the best actions (eq. 9) do in missions kept apart."""
+    """Mean landed, and collected and landed, of the best actions (eq. 9) in missions kept apart."""
     generator = stream(Use.VALIDATION)
     state = VILLAGE.sample(see.environment, missions, generator)
     while not state.ended.all():
@@ -196,10 +198,10 @@ def train(settings: Settings, see: CentredMap, seed: int = 0) -> Iterator[tuple]
     memory = Memory(settings.memory, uavs)
     state = VILLAGE.sample(environment, uavs, generator)
     for step in range(0, settings.steps, uavs):
-        learning = len(memory) >= settings.prefill
         # Act, at random at first
-        action = generator.integers(0, 6, uavs)
-        if learning:
+        if len(memory) < settings.prefill:
+            action = generator.integers(0, 6, uavs)
+        else:
             with torch.no_grad():
                 action = softmax_policy(online(*see(state)), settings.temperature, generator)
         # Step, all at once
@@ -210,7 +212,7 @@ def train(settings: Settings, see: CentredMap, seed: int = 0) -> Iterator[tuple]
         ended = np.flatnonzero(after.ended)
         state = after.with_rows(ended, VILLAGE.sample(environment, len(ended), generator))
         # Learn
-        if learning:
+        if len(memory) >= settings.prefill:
             optimiser.param_groups[0]["lr"] = settings.learning_rate * (1 - step / settings.steps)
             batch = memory.sample(settings.batch, generator)
             update(online, target, optimiser, see, batch, settings)
@@ -220,7 +222,7 @@ def train(settings: Settings, see: CentredMap, seed: int = 0) -> Iterator[tuple]
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--steps", type=int, default=Settings.steps)
+    parser.add_argument("--steps", type=int, default=Settings.steps, help="more than 2,000")
     parser.add_argument("--png", help="a file for the curve and a flight")
     given = parser.parse_args()
     torch.set_num_threads(1)  # quickest for so small a network

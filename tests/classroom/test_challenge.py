@@ -129,7 +129,9 @@ def heard():
 
 @pytest.mark.usefixtures("heard")
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process groups")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.longest)]
+)
 def test_a_submission_ends_with_the_command_that_flies_it(number, submit, tmp_path):
     path = submit("import time\ntime.sleep(600)", f"{tmp_path.name}.py")
 

@@ -36,7 +36,7 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
         "left_db.mean() - left_db": "the sign falls out of the products",
     },
 }
-SLOW = ("crosses", "safe_step", "permutation_p")
+SLOW = ("crosses", "safe_step", "permutation_p", "missions_needed", "mended_update")
 
 
 def refused(name, answer, seconds):

@@ -258,6 +258,7 @@ def test_an_answer_is_judged_outside_and_its_line_is_told():
         assert right in said + wrong and bool(wrong) == (source != RIGHT)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("script", sorted(SCRIPTS.glob("*.py")), ids=lambda script: script.stem)
 def test_what_an_exercise_asks_and_gets_can_travel(script):
     """Each solution is right from outside, too: arguments go in, and what it gives comes out."""

@@ -100,11 +100,8 @@ def test_a_mission_is_saved_changed_and_flown_again(tmp_path, capsys):
     data = re.search(r"data (\S+)/(\S+)\. ", first).groups()
     assert f"{data[0]} of {data[1]} units of data" in page.read_text(encoding="utf-8")
     path.write_text(json.dumps(json.loads(path.read_text()) | {"flying_time": 20}))
-    animation = tmp_path / "f.gif"
-    assert main(["fly", "--mission", str(path), "--out", str(animation)]) == 0
+    assert main(["fly", "--mission", str(path), "--out", str(picture)]) == 0
     assert "/20" in capsys.readouterr().out
-    with Image.open(animation) as image:
-        assert image.n_frames > 5
 
 
 def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path):

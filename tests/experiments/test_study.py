@@ -225,5 +225,5 @@ def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(finished
     if number != signal.SIGKILL:
         assert process.returncode == 130 and "the same command continues" in message
         assert not (tmp_path / GOING).exists()
-    assert main(study(tmp_path, "--jobs", "2")) == 0
+    assert main(study(tmp_path, "--jobs", "1")) == 0
     assert_same_runs(tmp_path, finished[0])

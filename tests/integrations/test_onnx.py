@@ -17,7 +17,10 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.training import Trainer
 
 KINDS = {"failsafe": True, "told": True, "pooling": 2}
-SHIPPED = [("manhattan_ddqn", "manhattan"), ("any_city", "village")]
+SHIPPED = [
+    pytest.param("manhattan_ddqn", "manhattan", marks=pytest.mark.long),
+    ("any_city", "village"),
+]
 
 
 def export(agent, path):
