@@ -58,7 +58,8 @@ const done = (action) => DONE[action] ?? `flown ${action}`;
 
 /**
  * What the other's action where they part would have made of a flight, flown on by itself: a
- * sentence, or nothing if it changes little. Whoever is behind is asked first, if it can fly on.
+ * sentence, or nothing if it does not explain who is ahead. Whoever is behind is asked first, if it
+ * can fly on.
  * @param {number | null} part  @param {object[]} results
  * @param {(which: number, actions: number[]) => object | null} flyOn numbers of what begins so
  */
@@ -70,7 +71,8 @@ export function cause(who, flights, results, part, flyOn) {
     const found = flyOn(which, [...flights[which].action.slice(0, part), other]);
     if (!found) continue;
     const own = results[which];
-    if (Math.abs(lead([found, own])) < Math.max(WORTH, Math.abs(lead(results)) / 2)) continue;
+    const less = which === behind ? lead([found, own]) : lead([own, found]); // of the distance
+    if (less < Math.max(WORTH, Math.abs(lead(results)) / 2)) continue;
     const more = found.collected.toFixed(1);
     const data = more !== own.collected.toFixed(1);
     const brought = !found.landed

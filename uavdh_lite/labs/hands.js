@@ -148,10 +148,12 @@ export function attend(stage) {
       brush.sign = sign;
       stage.paint();
     } else if (does_) does[does_](target);
-    // Keys steer after a press, too, unless it asks for a place or a number
+    // Keys steer after a press, too, unless it asks for a place or a number; after a key's press
+    // only if a flight begins, whose space would press the button again
     const steers =
       name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer"));
-    if (steers && (event.detail || name)) find("#panel").focus({ preventScroll: true });
+    const begins = /"(again|new)"/.test(asked);
+    if (steers && (event.detail || name || begins)) find("#panel").focus({ preventScroll: true });
   });
 
   el.addEventListener("input", ({ target }) => {

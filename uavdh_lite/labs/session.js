@@ -459,8 +459,8 @@ export class Session {
       };
       this.extra = { ...this.extra, why };
     },
-    /** Tries a device away or elsewhere, or another time; `clear` ends it. */
-    whatIf({ device, away, cell, time, clear }) {
+    /** Tries a device away or elsewhere, or another time; `clear` ends it. A drag is as in `move`. */
+    whatIf({ device, away, cell, time, clear, drag, ends }) {
       const { whatIf } = this;
       const { [device]: _, ...others } = whatIf.moved;
       const gone = whatIf.away.filter((each) => each !== device);
@@ -469,7 +469,12 @@ export class Session {
         next = { ...whatIf, away: away ? [...gone, device] : gone, moved: others };
       if (cell) {
         const { mission } = this.stage;
-        mission.with({ devices: mission.devices.with(device, cell) }); // refuses
+        try {
+          mission.with({ devices: mission.devices.with(device, cell) });
+        } catch (error) {
+          if (drag && !ends) return;
+          throw error;
+        }
         next = { ...whatIf, away: gone, moved: { ...others, [device]: cell } };
       }
       if (time !== undefined) next = { ...next, time };

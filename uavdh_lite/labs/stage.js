@@ -18,7 +18,7 @@ import { linkOf } from "./state.js";
 import { TOOLS } from "./tools.js";
 import { LONGEST } from "./words.js";
 
-const MORE = "Cells, numbers and files";
+const MORE = "Numbers and files";
 const LINK = "stage=";
 const LONG = ["many", "duel"]; // they show how far they are, and others do not wait for them
 const SLOW = 300; // ms without an answer after which a word is due
@@ -373,6 +373,7 @@ export function draw(el, model) {
       const href = URL.createObjectURL(new Blob([content]));
       Object.assign(document.createElement("a"), { href, download: name }).click();
       setTimeout(() => URL.revokeObjectURL(href), 10_000);
+      stage.refuse(`Saved as ${name}.`, true);
     },
   };
   model.hear = (told) => answers[told.kind](told);

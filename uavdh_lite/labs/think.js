@@ -72,9 +72,10 @@ export const THINK = {
     const row = ({ number, colour }, k) => {
       const away = whatIf.away.includes(k);
       const there = away || whatIf.moved[k];
+      const word = away ? "with" : there ? "put back" : "without";
       const told = { kind: "whatIf", device: k, away: !there };
       return `<tr style="--colour: ${colour}"><th scope="row">device ${number}</th><td><i class="worth" data-worth="${k}"></i></td>
-        <td class="amount" data-amount="${k}"></td><td>${button(there ? "with" : "without", told, `class="try-${k}" aria-label="${there ? "with" : "without"} device ${number}"`)}</td></tr>`;
+        <td class="amount" data-amount="${k}"></td><td>${button(word, told, `class="try-${k}" aria-label="${word} device ${number}"`)}</td></tr>`;
     };
     const look = (name, text) => `<label><input type="checkbox" data-set="${name}"
         ${state.looks[name] ? "checked" : ""}> ${text}</label>`;
@@ -119,7 +120,7 @@ export const THINK = {
     this.why(stage, panel, film, step, best, playing);
     this.layer(stage, scene, step, time);
   },
-  why(stage, { why, expected, came, number }, { devices, flights }, step, best, playing) {
+  why(stage, { why, expected, came, number, other }, { devices, flights }, step, best, playing) {
     const known = why?.step === step ? why : null;
     const most = Math.max(1, ...(known?.devices ?? []).map(({ worth }) => worth));
     devices.forEach((_, k) => {
@@ -133,10 +134,10 @@ export const THINK = {
       stage.find(`[data-amount="${k}"]`).textContent = text;
     });
     const promise =
-      number === "Q-value"
-        ? `It expects ${signed(expected[step])} from here on; its flight then brought ${signed(came[step])}. `
+      number === "Q-value" && !other
+        ? `It expects ${signed(expected[step])} from here on, and got ${signed(came[step])}, where later rewards count less. `
         : "";
-    stage.fill(".cause", `${promise}${known ? escaped(causes(known, best)) : ""}`);
+    stage.fill(".cause", `${promise}${known && !other ? escaped(causes(known, best)) : ""}`);
     if (!known && !playing) stage.askWhenFree({ kind: "why", step });
   },
   layer(stage, { panel, film, state }, step, time) {

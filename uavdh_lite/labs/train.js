@@ -44,7 +44,7 @@ const DIALS = {
 /** Things to try: how the two runs differ from the usual one, and what differs in words. */
 const TRIES = {
   "frozen target": [{}, { frozen: true }, "The orange target stands still."],
-  "no punishment": [{}, crash(0), "A crash costs orange nothing."],
+  "no punishment": [{}, crash(0), "A crash costs orange nothing; landing only saves it steps."],
   "memory of 64": [{}, { replay_capacity: 64 }, "Orange remembers four steps a UAV."],
   "not centred": [{}, IN_PLACE, "Orange sees the map in place."],
   "not centred, scaled": [SCALES, { ...IN_PLACE, ...SCALES }, "The same, with input scales."],
@@ -62,7 +62,7 @@ const CURVES = {
 
 const runs = []; // those that learn: dials, points, worker and what it told last
 const past = []; // points of earlier runs
-const BEGIN = "Press Learn: a network learns by trial and error.";
+const BEGIN = "Press Learn: a network learns, and 50 missions judge it.";
 let bench = null; // the panel's content, which keeps its focus while the panel is written anew
 let [stage, chosen, told, wanted, asked] = [null, 0, BEGIN, null, 0];
 let drawn = ["", ""]; // under and over the map, until they are known anew
@@ -140,6 +140,8 @@ function turn(name, place) {
 const acts = {
   learn() {
     if (!runs.length) return start(() => begin(0, usual(), true));
+    if (runs.every(({ steps, dials }) => steps >= dials.steps))
+      told = "This run is over: press Anew, or turn steps up.";
     const goes = runs.some(({ going }) => going);
     doAll(goes ? "stop" : "go");
   },
@@ -152,6 +154,7 @@ const acts = {
     const goes = runs.some(({ going }) => going);
     const next = (dials) => ({ ...dials, seed: (dials.seed + 1) % DIALS.seed.length });
     start(() => runs.forEach(({ dials }, number) => begin(number, next(dials), goes)));
+    told = `Begins anew with the next seed, ${runs[0].dials.seed}.`;
   },
   second() {
     if (runs.length > 1) {
@@ -170,7 +173,7 @@ const acts = {
     start(() =>
       [first, second].forEach((dials, number) => begin(number, { ...usual(), ...dials }, true)),
     );
-    [told, chosen] = [says, 1];
+    [told, chosen] = [`Anew. ${says}`, 1];
   },
   save: () => runs[chosen].worker.send({ kind: "save" }),
   take() {
