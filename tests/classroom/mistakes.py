@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from uavdh_lite.city import City
 from uavdh_lite.course.checks import EXERCISES
 from uavdh_lite.course.checks.notebook_06 import made
 from uavdh_lite.course.checks.notebook_07 import dueling, rounds
@@ -103,6 +104,8 @@ def by_hand(flight, step, reward):
 CHANCE = np.random.default_rng(0)  # of a student's own
 OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6
 ROWS = "LL.............. " * 2 + "................ " * 14
+HOME = City.load("manhattan").text.split()
+CORNER = [*HOME[:4], "B" * 14 + "..", *HOME[5:14], f"B{HOME[14][1:]}", f".B{HOME[15][2:]}"]
 MISTAKES = {
     "flight_score": [
         (lambda c, i, landed, past=[]: past.append(c) or len(past) / 99, "earlier calls"),
@@ -120,7 +123,7 @@ MISTAKES = {
         (["east"] * 3 + ["land"], "outside the landing zone"),
         (OUT_AND_BACK, "last action must be `land`"),
         ([*OUT_AND_BACK, "land"], r"no more than 3 may be left.*units of time: 5"),
-        ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 8], "flying time ran out"),
+        ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 2], "flying time ran out"),
         ([*OUT_AND_BACK, "land", "south"], "make `land` the last"),
     ],
     "rate_from_snr": [
@@ -146,6 +149,7 @@ MISTAKES = {
     "asymmetric_share": [
         (lambda s: (s != s.T).mean(), r"no pair with itself, \[i, j, i, j\]"),
         (lambda s: 0.5, "sight\\), with True everywhere, gives 0.5"),
+        (lambda s: 2 * SOLVED["asymmetric_share"](s), "twice the share"),
     ],
     "tdma_slot": [(slot, "nobody may send")],
     "rewards_by_hand": [
@@ -235,6 +239,7 @@ MISTAKES = {
     "defeat": [
         ("L .\n. .", "it must have 16"),
         (ROWS.strip().replace(" ", "\n"), "at most 16 may"),
+        ("\n".join(CORNER), r"no way to the landing zone from \[15, 0\]"),  # 16 are changed
         ("L..", "not a valid city"),
         ("...", "at least one character must be L"),
     ],

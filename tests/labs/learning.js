@@ -53,13 +53,9 @@ async function learned({ run, steps, turns = {} }) {
       count: replay.count(trainer.dials),
     });
     if (k === steps - 1) {
-      const crashes = [...replay.end.keys()].filter((at) => replay.end[at] === 2);
-      const drawn = replay.sample(
-        trainer.dials.batch_size,
-        trainer.dials,
-        trainer.generator,
-        states,
-      );
+      const ends = (kind) => replay.reward.filter((_, at) => replay.end[at] === kind);
+      const { dials, generator } = trainer;
+      const drawn = replay.sample(dials.batch_size, dials, generator, states);
       const recent = new Set(
         Array.from(
           { length: 4 },
@@ -72,7 +68,9 @@ async function learned({ run, steps, turns = {} }) {
         first,
         online: numbers(trainer.online.tensors),
         target: numbers(trainer.target.tensors),
-        crashes: crashes.map((at) => replay.reward[at]),
+        landings: [...ends(1)],
+        crashes: [...ends(2)],
+        most: Math.max(...drawn.map(({ state }) => state.dataInitial.filter(Boolean).length)),
         discounts: drawn.map(({ discount }) => discount),
         recent: drawn.every(({ state }) => recent.has(state)),
         different: new Set(drawn.map(({ state }) => state)).size,

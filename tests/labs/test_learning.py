@@ -143,6 +143,8 @@ def test_a_dial_acts_while_it_learns(runs):
     assert same(begun["target"], begun["first"]) and not same(begun["online"], begun["first"])
     assert not same(frozen["target"], usual["target"])
     assert all(reward > -2 for reward in runs["no punishment"]["crashes"])
+    assert usual["landings"] and not any(runs["no punishment"]["landings"])
+    assert usual["most"] == find_scenario("village").devices[1]
     assert runs["memory"]["recent"] and not usual["recent"]
     assert runs["memory"]["told"][-1]["count"] == 64
     assert runs["rate"]["told"][-1]["learningRate"] < 1e-12

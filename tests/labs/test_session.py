@@ -15,6 +15,7 @@ from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import ACTIONS, Environment
 from uavdh_lite.errors import InputError
+from uavdh_lite.labs import Lab
 from uavdh_lite.labs.page import data
 from uavdh_lite.missions import HandFlight, Mission, as_json, mission_from_json
 from uavdh_lite.planners import Greedy
@@ -138,7 +139,8 @@ def test_painting_leaves_what_stands_there_and_a_painted_city_is_kept(tell):
     for _ in state["devices"][1:]:
         tell("remove", device=0)
     tell("remove", device=0, refused="the last device stays")
-    assert len(tell("add")["state"]["devices"]) == 2
+    tell("add")
+    assert [d["data"] for d in tell("data", device=1, value=0)["state"]["devices"]][1:] == [0]
 
 
 def test_a_flight_by_hand_is_the_mission_flown_so(tell):
@@ -177,6 +179,8 @@ def test_the_difference_of_two_flights_is_said_in_one_sentence(modules):
     said = "([who, results]) => compare_js.headline(who, results)"
     for one, other, expected in HEADLINES:
         assert modules(said, [[YOU, IT], [LANDED | one, LANDED | other]]) == expected
+    parts = "(actions) => compare_js.parting(...actions.map((action) => ({ action })))"
+    assert [modules(parts, [[1, 2], other]) for other in ([1], [1, 3])] == [None, 1]
 
 
 def test_a_cause_is_said_only_of_what_was_tried(tell):
@@ -222,6 +226,8 @@ def test_think_tells_what_the_network_answers_without_a_device_or_with_more_time
     values = flier.q_values(state)[0].numpy()
     assert scene["panel"]["values"][5] == pytest.approx(values, abs=0.01)
     assert scene["panel"]["expected"][5] == pytest.approx(values.max(), abs=0.01)
+    came, (*_, reward) = scene["panel"]["came"], flight.flights().trajectory(0).reward
+    assert came[4] == pytest.approx(reward + agent.recipe.discount * came[5], abs=1e-3)
     why = scene["panel"]["why"]
     assert why["step"] == 5 and why["devices"]
     for each in why["devices"]:
@@ -247,6 +253,7 @@ def test_a_hundred_missions_are_drawn_anew_and_their_interval_is_students(module
     assert [row["who"]["name"] for row in first["rows"]] == ["random", "greedy"]
     assert abs(first["from"] - second["from"]) >= 100 and first["rows"] != second["rows"]
     assert first["difference"][2] < 0  # greedy is ahead
+    assert first["rows"][0]["both"][0] + second["rows"][0]["both"][0] < 36  # most crash
     assert "many" not in tell("policy", which=0, name="manhattan")["panel"]
     values = np.random.default_rng(0).normal(60, 20, 100)
     found = modules("(values) => world_js.studentInterval(values)", values.tolist())
@@ -336,7 +343,7 @@ def test_agents_are_told_apart_by_their_weights_and_not_by_their_names(opened, t
         flights.append(scene["film"]["flights"][0]["path"])
     assert flights[0] == flights[2] != flights[1]
     titles = [title for _, title in scene["state"]["known"]]
-    assert len(titles) == len(known) + 2 == len({*titles})
+    assert len(titles) == len(known) + 2 == len({*titles}) and titles[0].startswith("best")
     named = opened("manhattan_ddqn.safetensors", other)["state"]  # displaces no other
     assert {*map(tuple, known)} <= {*map(tuple, named["known"])}
     opened("mine.safetensors", one[:5000], refused="not an agent of this package")
@@ -349,6 +356,13 @@ def test_an_agent_over_another_channel_than_the_pages_is_refused(opened, tmp_pat
     opened(file.name, file.read_bytes(), refused="another radio channel than the page's")
     with pytest.raises(InputError, match="cell_edge_snr_db -15, not -25"):
         data({"usual": agent, "quiet": load_agent(file)})
+
+
+def test_an_agents_city_is_known_by_its_cells_and_a_lab_flies_there():
+    agent = load_agent("manhattan_ddqn")
+    renamed = replace(agent, trained_in=(replace(agent.city, name="mine"),))
+    assert data({"it": renamed})["agents"][0]["city"] == "manhattan"
+    assert '"version":1,"city":{"name":"mine"' in Lab(city="village", agent=renamed).page
 
 
 WRONG = [

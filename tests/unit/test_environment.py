@@ -111,34 +111,9 @@ def test_fading_draws_are_standard_normal_for_every_slot_and_device(generator):
     assert np.abs(flat.T @ flat / 4000 - np.eye(15)).max() < 5 * math.sqrt(2 / 4000)
 
 
-# Limit cases by hand
-
-
-def start(uav, devices=((2, 4),), data=(5.0,), flying_time=10, city=CITY):
-    """One episode; cells are (row, column)."""
-    cells = np.ravel_multi_index(np.array([uav, *devices]).T, city.landing.shape)
-    data = np.array([data], np.float32)
-    time = np.array([flying_time], np.int16)
-    no = np.zeros(1, bool)
-    return State(cells[:1], time, cells[None, 1:], data, data, no, np.zeros(1, np.int16))
-
-
-def step(state, action, city=CITY, **channel):
-    """One step without fading: the state after it, the outcome, the reward."""
-    environment = Environment(city, Channel(**channel))
-    fading = np.zeros((1, environment.channel.slots, state.data_left.shape[1]), np.float32)
-    state, outcome = environment.transition(state, np.array([action]), fading)
-    return state, outcome, float(Rewards()(outcome)[0])
-
-
 def test_actions_are_in_the_order_of_the_specification():
     assert ACTIONS == ("north", "east", "south", "west", "hover", "land")
     assert (NORTH, EAST, SOUTH, WEST, HOVER, LAND) == (0, 1, 2, 3, 4, 5)
-    for action, cell in enumerate([(1, 2), (2, 3), (3, 2), (2, 1), (2, 2)]):
-        state, outcome, reward = step(start((2, 2)), action)
-        assert divmod(int(state.uav_cell[0]), 5) == cell and not outcome.intervened[0]
-        assert state.time_left[0] == 9
-        assert reward == pytest.approx(outcome.uploaded.sum() - 0.2)
 
 
 # Tables, and states
