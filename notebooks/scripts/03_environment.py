@@ -140,7 +140,7 @@ figure
 # %% [markdown]
 # The black line falls in a step that brings less than 0.2 units of data, and rises in one that
 # brings more. Its last value is the return. An agent that looked no further than the next reward
-# would land at once, because landing costs nothing; it has to learn that a costly step may pay for
+# would land where a step brings less, because landing costs nothing; it has to learn that a costly step may pay for
 # itself later. When data comes in after thirty steps, which of those steps deserve the credit? This
 # is the problem of **credit assignment** (notebook 6).
 #

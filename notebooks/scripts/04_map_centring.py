@@ -139,7 +139,7 @@ figure.legend(loc="outside right upper", fontsize="small");
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
 # the air when the true time is up, and with 50 or 60 units most are. Most of those that crash have
 # nothing left to collect, so flying home would be best, because each step costs something. But one
-# step more changes the Q-value by only 0.1, the price of a step in this agent's training, and so
+# step more changes the Q-value by only 0.1 (half the usual price, in this agent's training), and so
 # small a difference is easily lost in the network's errors. No stopped clock gives a score (orange)
 # near that of the true clock (black).
 #

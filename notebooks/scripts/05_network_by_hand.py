@@ -159,6 +159,7 @@ print("loss", loss.item(), "slopes", [slope.item() for slope in slopes])
 # | ask it about 5 examples, one a row; gives (5, 4) | `q = net(torch.rand(5, 2))` |
 # | the entry in column `a[k]` of each row k; gives (5,) | `a = torch.tensor([0, 3, 1, 1, 2]); q.gather(1, a[:, None])[:, 0]` |
 # | the largest number of each row, and its column; (5,) each | `q.amax(1), q.argmax(1)` |
+# | the same as columns, (5, 1) | `q.amax(1, keepdim=True)` |
 # | compute without remembering: no slope will flow | `with torch.no_grad(): y = net(torch.rand(5, 2))` |
 # | a second network with the same weights | `other = copy.deepcopy(net)` |
 #
@@ -192,7 +193,8 @@ def train(model, x, y, updates=400):
 # ## 5.5 A window that moves
 #
 # Move the neuron of 5.1 like a window across a picture, and note its output at each place. This is
-# a **convolution**, and the weights are its *kernel*.
+# a **convolution**, and the weights are its *kernel*. (In a course on signals it is a
+# *cross-correlation*, because the kernel is not turned round.)
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -273,7 +275,7 @@ class QNetwork(nn.Module):
         super().__init__()  # first, so that PyTorch finds the layers
         self.convolutions = nn.Sequential(
             nn.Conv2d(5, 8, 3, 2), nn.ReLU(), nn.Conv2d(8, 8, 3, 2), nn.ReLU(), nn.Flatten())
-        inputs = 8 * ((side - 3) // 4) ** 2 + 1  # what the convolutions make of it, and the time
+        inputs = 8 * ((side - 3) // 4) ** 2 + 1  # 15 → 7 → 3 cells a side, and the time
         self.head = nn.Sequential(
             nn.Linear(inputs, 128), nn.ReLU(), nn.Linear(128, 128), nn.ReLU(), nn.Linear(128, 6))
 

@@ -128,7 +128,8 @@ draw_values([learn_table(n) for n in (1, 4, 40)], ["1 flight", "4 flights", "40 
 
 # %% [markdown]
 # After one flight only the cell before the device knows that something good is near. Each further
-# flight carries the news back, until all cells agree with their neighbours.
+# flight carries the news back, until all cells agree with their neighbours. (The corner beyond the
+# device stays pale, because no flight goes on to it.)
 #
 # The method is **Q-learning**, and the gap $y-Q(s,a)$ is the **TD error** (*temporal difference*).
 # It is *model-free*: it needs steps, and not notebook 3's distribution $p$. In a world with chance,
@@ -143,7 +144,8 @@ draw_values([learn_table(n) for n in (1, 4, 40)], ["1 flight", "4 flights", "40 
 draw_values([right_values, learn_table(40, worth=np.mean)], ["the largest", "the mean"])
 
 # %% [markdown]
-# Now the table knows what flying *at random* is worth: hardly anything but the cost of the steps. A
+# Now the table knows what flying *at random* is worth: hardly anything but the cost of the steps,
+# though most arrows still point the right way. A
 # method that learns about good flying from the flights of another policy is **off-policy**; one
 # that learns what its own flying is worth, like *SARSA*, is **on-policy**. An off-policy method may
 # learn from old flights again and again.
@@ -188,7 +190,8 @@ memory = torch.tensor(rows, dtype=torch.float32)
 print(f"{len(memory):,} steps; the last one: {memory[-1].tolist()}")
 
 # %% [markdown]
-# Of 50,000 steps, a minibatch of 128 would hold the newest once in 400 times. The paper's
+# Of the 50,000 steps in the authors' memory, their minibatch of 128 would hold the newest once in
+# 400 times. The paper's
 # **combined experience replay** puts it into every minibatch. ([Notebook 11](11_replay.ipynb) asks
 # how large a memory should be.)
 #
@@ -266,7 +269,7 @@ calm, networks = [], []
 for seed in range(3):
     online, optimiser = network_and_optimiser(seed)
     target, path = copy.deepcopy(online), []
-    for _ in range(1500):
+    for _ in range(3000):
         update(online, target, optimiser)
         follow(target, online, tau=0.05)
         path.append(value(online))
@@ -279,7 +282,7 @@ figure, ax = plt.subplots(figsize=(6, 2.8), layout="constrained")
 ax.plot(np.transpose(exploding), "C1", lw=1)
 ax.plot(np.transpose(calm), "C0", lw=1)
 ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog",
-       title="orange: its own judge; blue: a target network; three runs each");
+       title="orange: its own judge; blue: a target network; three runs each")
 
 # %% [markdown]
 # While the online network takes a step, the targets hardly move, so it can catch up. The target
@@ -287,14 +290,26 @@ ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog",
 # calm values right?
 
 # %% tags=["hide-input"]
+def arrivals(q):
+    """From how many cells the best actions lead to the device."""
+    count = 0
+    for cell in np.argwhere(~village.no_fly).tolist():
+        cell, steps = tuple(cell), 0
+        while cell != DEVICE and steps < 64:
+            cell, steps = step(cell, q[cell].argmax())[0], steps + 1
+        count += 0 < steps and cell == DEVICE
+    return count
+
 cells = torch.cartesian_prod(torch.arange(8.0), torch.arange(8.0))
-learned = [online(cells).detach().view(8, 8, 4).numpy() for online in networks[:2]]
-draw_values([right_values, *learned], ["table", "network", "another"])
+learned = [online(cells).detach().view(8, 8, 4).numpy() for online in networks]
+print("cells from which it arrives: table", arrivals(right_values),
+      " networks", *map(arrivals, learned))
+draw_values([right_values, *learned[:2]], ["table", "network", "another"])
 
 # %% [markdown]
-# Nearly: the way is found almost everywhere. The values are smoother than the table's, because two
-# inputs and 64 neurons draw no sharp edges around buildings. Your agent's network sees the
-# buildings.
+# Nearly: from about three quarters of the cells the best actions lead to the device. The values are
+# smoother than the table's, because two inputs and 64 neurons draw no sharp edges around buildings,
+# and a small error can turn an arrow. Your agent's network sees the buildings.
 #
 # ## 6.4 Exploring
 #
@@ -376,7 +391,8 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # - The online network chooses, the target network judges.
 #
 # You have now written every part of the algorithm ([the whole on one
-# page](../docs/tutorials/pseudocode.md)). In [notebook 7](07_training.ipynb) the parts fly.
+# page](../docs/tutorials/pseudocode.md)). In [notebook 7](07_training.ipynb) they run together for
+# the first time.
 #
 # ## Exercises
 #

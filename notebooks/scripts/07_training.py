@@ -216,7 +216,7 @@ async def training(settings, live, seed=0):
         after, outcome = environment.step(state, action, generator)
         reward = Rewards(crash=-settings.crash(step))(outcome)
         # Remember, and begin new missions where one has ended
-        memory.capacity = settings.memory
+        memory.capacity = min(memory.capacity, settings.memory)  # what it forgot is gone
         memory.add(state, action, reward, after)
         ended = np.flatnonzero(after.ended)
         state = after.with_rows(ended, VILLAGE.sample(environment, len(ended), generator))
@@ -231,6 +231,7 @@ async def training(settings, live, seed=0):
 
 # %%
 settings = Settings(steps=72_000)
+print(settings)
 live = Live(settings, environment, missions)
 yours = await training(settings, live)
 
@@ -259,8 +260,9 @@ play(environment, flights.trajectory(0))
 # ## 7.5 Predict, turn, see
 #
 # Run the training cell again, and turn one knob at a time, the sooner the better. (Knobs act while
-# a cell runs if the kernel passes their messages on, as ipykernel 7.4 does. With another, set the
-# field before, such as `settings.temperature = 1000`.) **Write your guess down first.**
+# a cell runs if the kernel passes their messages on, as ipykernel 7.4 does. With another, add a line
+# to the cell, below its first, such as `settings.temperature = 1000`.) **Write your guess down
+# first.**
 #
 # 1. *Price of a crash: 150.* What will `landed` do, and what the other curve?
 # 2. *Price of a crash: 0.* Will it still come home?
@@ -303,8 +305,8 @@ figure.supylabel("share", fontsize="medium");
 # Why does a high price do harm? An agent that has only ever seen crashes concludes that it is best
 # to stay at home. Such a **lazy agent** is a common failure, and its loss is small: it lands at
 # once, and is always right about what that brings. Why is a low price not enough? Ten steps ahead a
-# price of 20 counts only $20\cdot0.95^{10}\approx12$, less than a device may hold. So the price is
-# low at first and grows.
+# price of 5 counts only $5\cdot0.95^{10}\approx3$, less than most devices hold. So the price is low
+# at first and grows.
 #
 # And why does the agent without a price so often stay out, although nothing is left to collect?
 # Landing now instead of hovering until the end saves 0.2 units a step, so going home *is* best. But
@@ -369,6 +371,6 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
 # ## Exercises
 #
 # The [exercises of this notebook](exercises/07_training/07_training.ipynb) change your loop: a
-# dueling head, three-step returns, a bug to find.
+# dueling head, three-step returns, bugs to find.
 #
 # Further reading: Henderson et al., *Deep Reinforcement Learning that Matters*, 2018.

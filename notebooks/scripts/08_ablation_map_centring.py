@@ -239,14 +239,16 @@ Quiz("more_missions")
 #
 # ## 8.4 Why do `plain` and `lite` disagree?
 #
-# `lite` differs from `plain` in eight things. One difference is time: after 300,000
+# `lite` differs from `plain` in eight things, which [its
+# page](../docs/results/recipe.md) lists. One difference is time: after 300,000
 # steps even `lite` is far behind without centring, and then gets there (the second bar above),
 # whereas `plain` does not get there within a million steps. So the information is in the uncentred
 # map, and it is harder to use.
 #
 # Which of the things helps? Undo each of them, in both arms, and look. Here are such runs, each of
-# 300,000 steps, one dot a run. They began from a recipe with four things more, from which `lite`
-# was then chosen; both bars above were flown with it, too:
+# 300,000 steps, one dot a run. (They are of an earlier `lite`, with four things more; so are the
+# runs of `lite` in the figures above.) A *leaky* ReLU keeps a tenth of what is below 0, and a *layer
+# norm* brings the neurons of a layer to a common scale:
 
 # %% tags=["hide-input"]
 parts = read_table(data_folder() / "runs/pilots-manhattan.csv.gz")
@@ -265,11 +267,13 @@ figure.legend(loc="outside right upper");
 
 # %% [markdown]
 # A dot says what *one* run did, and 8.3 shows how far runs differ by chance. (*These three* are
-# amsgrad off, the movement reward and the exploring starts, undone together.) Look for a part that
-# takes all dots of one arm down and leaves the other arm where it was. Five nearly do so: the input
+# amsgrad off, the movement reward and the exploring starts, undone together; the last row was
+# flown centred alone.) Look for a part that
+# takes the dots of one arm down and leaves the other arm where it was. Five nearly do so: the input
 # scales, the layer norm, the leaky ReLUs, the larger memory (*replay*) and the Huber loss. Without
 # any one of them, agents in place lose a quarter or more of what they collected, whereas centred
-# ones lose about five at most, on average. So **no single part explains the disagreement**: `plain`
+# ones lose about five percentage points at most, on average. (Without the *temperature*, one dot in
+# place stays where it was.) So **no single part explains the disagreement**: `plain`
 # has none of the five, and in place each is needed. Centring makes them nearly unnecessary, perhaps
 # because the network need not first find out where the UAV is.
 #

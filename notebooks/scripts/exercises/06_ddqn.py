@@ -183,7 +183,7 @@ checks.by_surprise(by_surprise)
 # ```python
 # def update(online, target, optimiser, batch, gamma, tau):
 #     cell, action, reward, after, ended = batch
-#     y = reward + gamma * ended * online(after).amax(1, keepdim=True)
+#     y = reward + gamma * (1 - ended) * online(after).amax(1, keepdim=True)
 #     q = online(cell).amax(1, keepdim=True)
 #     loss = ((y - q) ** 2).mean()
 #     loss.backward()
@@ -209,8 +209,7 @@ checks.by_surprise(by_surprise)
 #
 # <details><summary>Another hint</summary>
 #
-# y: made by the target network, inside `torch.no_grad()`, and the reward alone where the episode
-# ended. q: that of the action taken, by `gather`. `zero_grad` is missing. And `old = …` gives the
+# y: made by the target network, and inside `torch.no_grad()` as a number to reach. q: that of the action taken, by `gather`. `zero_grad` is missing. And `old = …` gives the
 # name `old` to a new tensor, while the network keeps its own: change it in place, `old.lerp_(new,
 # tau)`.
 # </details>
