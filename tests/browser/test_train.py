@@ -123,3 +123,11 @@ def test_another_network_begins_anew_and_a_second_run_says_how_it_differs(page):
     page.get_by_role("tab", name="Train").click()
     press(page, "One run")
     expect(page.locator(".run")).to_have_count(1)
+    page.locator("[data-set=city]").select_option("empty 8 × 8")
+    press(page, "Two runs")  # over one city, which is not shown
+    turn(page, "layer norm", 1)
+    expect(page.locator(".run.blue small")).to_have_text("over village")
+    expect(page.locator(".run.orange small")).to_have_text("over village, layer norm on")
+    press(page, "Anew")  # over the one that is
+    expect(page.locator(".run.blue small")).to_be_empty()
+    expect(page.locator(".graph .past")).to_have_count(0)

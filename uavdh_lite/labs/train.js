@@ -61,7 +61,7 @@ const CURVES = {
 };
 
 const runs = []; // those that learn: dials, points, worker and what it told last
-const past = []; // points of earlier runs
+let past = []; // earlier runs in the same city
 const BEGIN = "Press Learn: a network learns, and 50 missions judge it.";
 let bench = null; // the panel's content, which keeps its focus while the panel is written anew
 let [stage, chosen, told, wanted, asked] = [null, 0, BEGIN, null, 0];
@@ -75,11 +75,11 @@ const stopOf = (all, dials) =>
   );
 const textOf = (name, dials) => DIALS[name][stopOf(DIALS[name], dials)]?.[0] ?? "?";
 
-/** Begins a run in the city of the stage, in place of the one with the same number. */
-function begin(number, dials, goes) {
-  const { city, scenario } = stage.scene.panel;
+/** Begins a run in place of the one with the same number, where another is or in the city shown. */
+function begin(number, dials, goes, { city, scenario } = stage.scene.panel) {
   end(number);
-  const run = { dials, city: city.name, points: [], steps: 0, going: goes, rate: 0 };
+  past = past.filter((each) => String(each.city.rows) === String(city.rows)).slice(0, PAST);
+  const run = { dials, city, scenario, points: [], steps: 0, going: goes, rate: 0 };
   runs[number] = run;
   run.worker = stage.model.begin("run", { city, scenario, dials }, (answer) => hear(run, answer));
   if (goes) run.worker.send({ kind: "go" });
@@ -89,14 +89,13 @@ function end(number) {
   const run = runs[number];
   if (!run) return;
   run.worker.end();
-  if (run.points.length > 1) past.unshift(run.points);
-  past.splice(PAST);
+  if (run.points.length > 1) past.unshift(run);
 }
 
 function hear(run, { kind, bytes, points, ...answer }) {
   if (!runs.includes(run)) return;
   if (kind === "file") {
-    return stage.file({ name: `${run.city}_agent.safetensors`, content: bytes });
+    return stage.file({ name: `${run.city.name}_agent.safetensors`, content: bytes });
   }
   run.points.push(...points);
   Object.assign(run, answer);
@@ -128,7 +127,7 @@ function turn(name, place) {
   if (!run) return start(() => begin(0, { ...usual(), ...fields }, false));
   const dials = { ...run.dials, ...fields };
   if (Object.keys(fields).some((field) => ANEW.includes(field))) {
-    begin(chosen, dials, run.going);
+    begin(chosen, dials, run.going, run);
     told = `Begins anew: ${name} ${textOf(name, dials)}.`;
   } else {
     run.dials = dials;
@@ -161,7 +160,7 @@ const acts = {
       end(1);
       runs.pop();
       chosen = 0;
-    } else start(() => begin((chosen = 1), { ...runs[0].dials }, true));
+    } else begin((chosen = 1), { ...runs[0].dials }, true, runs[0]);
     offer();
   },
   choose: (number) => {
@@ -246,8 +245,8 @@ const isSlow = (run) => run.going && run.rate > 0 && secondsLeft(run) > PATIENCE
 function slowly(run) {
   const is = (name) => textOf(name, run.dials) === textOf(name, usual());
   const same = Object.keys(DIALS).every((name) => ["seed", "steps"].includes(name) || is(name));
-  const other =
-    run.city === "village" && same ? key("take", "take one that has learned") : "turn steps down";
+  const known = run.city.name === "village" && same;
+  const other = known ? key("take", "take one that has learned") : "turn steps down";
   return `This takes ${Math.round(secondsLeft(run) / 60)} minutes here: ${other}.`;
 }
 
@@ -259,7 +258,7 @@ function drawRuns(place) {
     return `<div class="run ${RUNS[number]}">${choice} <small></small></div>`;
   };
   if (place.children.length !== runs.length) place.innerHTML = runs.map(empty).join("");
-  runs.forEach(({ dials, steps }, number) => {
+  runs.forEach(({ dials, steps, city }, number) => {
     const line = place.children[number]; // stays, with its focus
     const apart = number
       ? Object.keys(DIALS).filter((name) => textOf(name, dials) !== textOf(name, runs[0].dials))
@@ -267,22 +266,21 @@ function drawRuns(place) {
     line.classList.toggle("on", number === chosen);
     line.querySelector("b").textContent = grouped(steps);
     line.querySelector(".all").textContent = grouped(dials.steps);
-    const differs = apart.map((name) => `${name} ${textOf(name, dials)}`).join(", ");
-    line.querySelector("small").textContent = differs;
+    const here = city.name === stage.scene.state.city;
+    const differs = apart.map((name) => `${name} ${textOf(name, dials)}`);
+    const says = [...(here ? [] : [`over ${city.name}`]), ...differs];
+    line.querySelector("small").textContent = says.join(", ");
   });
 }
 
 function graph(name) {
   const [of, low, least, text] = CURVES[name];
-  const all = [...past, ...runs.map(({ points }) => points)];
-  const high = Math.max(least, ...all.flat().map((point) => of(point) ?? least));
-  const steps = Math.max(
-    1,
-    ...runs.map(({ dials }) => dials.steps),
-    ...past.map((points) => points.at(-1).steps),
-  );
+  const all = [...past, ...runs].flatMap(({ points }) => points);
+  const high = Math.max(least, ...all.map((point) => of(point) ?? least));
+  const last = [...runs.map(({ dials }) => dials.steps), ...past.map(({ steps }) => steps)];
+  const steps = Math.max(1, ...last);
   const height = (value) => 100 - (100 * (Math.max(value, low) - low)) / (high - low);
-  const line = (points, kind) => {
+  const line = ({ points }, kind) => {
     const known = points.filter((point) => of(point) !== null);
     const places = known.map(
       (point) => `${((200 * point.steps) / steps).toFixed(1)} ${height(of(point)).toFixed(1)}`,
@@ -296,7 +294,7 @@ function graph(name) {
   const grid = [low, 0, high].map((each) => `M0 ${height(each)}H200`).join("");
   return `<figure class="graph"><figcaption>${name} ${runs.map(value).join(" ")}</figcaption>
     <svg viewBox="0 0 200 100" preserveAspectRatio="none" aria-hidden="true"><path d="${grid}"/>
-    ${past.map((points) => line(points, "past")).join("")}${runs.map(({ points }, k) => line(points, RUNS[k])).join("")}</svg></figure>`;
+    ${past.map((run) => line(run, "past")).join("")}${runs.map((run, k) => line(run, RUNS[k])).join("")}</svg></figure>`;
 }
 
 const TURNS = { north: 0, east: 90, south: 180, west: 270 };
