@@ -2,7 +2,7 @@
 // action would have made of it, and the data of both over time.
 
 import { at, escaped, momentAt, scaleOf, UAV } from "../player.js";
-import { button, chooser } from "./html.js";
+import { NETWORKS, button, chooser } from "./html.js";
 import { counted, says, upper } from "./words.js";
 import { ACTIONS } from "./world.js";
 
@@ -88,14 +88,7 @@ export function cause(who, flights, results, part, flyOn) {
 
 export const COMPARE = {
   title: "Compare",
-  words: [
-    "greedy",
-    "random",
-    "DDQN agent",
-    "imitation agent",
-    "any-city agent",
-    "collected and landed",
-  ],
+  words: ["greedy", "random", ...NETWORKS, "collected and landed"],
   html(scene) {
     const { panel, state } = scene;
     const { who, headline: head, cause: why, parting: part, many } = panel;

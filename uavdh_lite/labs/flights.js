@@ -57,11 +57,8 @@ export class Hangar {
 
   pilot(name) {
     const { agents, environment } = this;
-    return kept(
-      this.pilots,
-      name,
-      () => agents[name]?.agent.over(environment) ?? new Greedy(environment),
-    );
+    const make = () => agents[name]?.agent.over(environment) ?? new Greedy(environment);
+    return kept(this.pilots, name, make);
   }
 }
 

@@ -2,7 +2,7 @@
 
 import { KINDS, UAV, at, escaped, momentAt, scaleOf } from "../player.js";
 import { COLOURS } from "./compare.js";
-import { button, chooser } from "./html.js";
+import { NETWORKS, button, chooser } from "./html.js";
 import { timeUnits } from "./words.js";
 
 export const ARROWS = {
@@ -15,7 +15,7 @@ export const WAYS = { north: [-1, 0], east: [0, 1], south: [1, 0], west: [0, -1]
 
 export const FLY = {
   title: "Fly",
-  words: ["greedy", "random", "DDQN agent", "imitation agent", "any-city agent"],
+  words: ["greedy", "random", ...NETWORKS],
   html({ panel, state, tools }, { tells }) {
     const { you, ghost, rival, headline } = panel;
     const key = (action, sign) =>
@@ -61,9 +61,8 @@ export const FLY = {
     const back = time < you.steps && `Step ${Math.ceil(time)} of ${you.steps}.`;
     stage.fill(".no", you.ended ? "" : back || (refused ? this.refusal(film, refused) : ""));
     const { place } = momentAt(film.flights[1], time);
-    const trail = [...path.slice(0, Math.floor(time) + 1), place].map(
-      ([row, col]) => `${col} ${row}`,
-    );
+    const cells = [...path.slice(0, Math.floor(time) + 1), place];
+    const trail = cells.map(([row, col]) => `${col} ${row}`);
     stage.find(".ghost")?.setAttribute("transform", at(place));
     stage.find(".ghost-path")?.setAttribute("d", `M${trail.join("L")}`);
     film.flights.forEach((flight, k) => {

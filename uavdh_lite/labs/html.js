@@ -11,16 +11,18 @@ export const WORDS = {
   score: "how surely the planner that the agent copied would take this action",
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
   "SNR at 1 m": "1 m from the device; larger in a larger city, whose corners it must reach",
-  slot: "a quarter of a step; the device that is heard best has it: log2(1 + SNR) units",
+  slot: "a part of a step; the device that is heard best has it: log2(1 + SNR) units",
   value: "the Q-value or score of the best action if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
-  "path loss": "what the signal loses on its way: 22.7 dB each time the distance grows tenfold",
+  "path loss":
+    "what the signal loses on its way: as much again each time the distance grows tenfold",
   "hidden by buildings": "what the signal loses in addition without a line of sight",
   "DDQN agent": "a neural network that learned from its own trials, by double deep Q-learning",
   "imitation agent":
     "a network that copied a planner and then learned on; a failsafe brings it home",
   "any-city agent": "one network for any city of at most 16 by 16 cells, with a failsafe",
 };
+export const NETWORKS = ["DDQN agent", "imitation agent", "any-city agent"]; // of those words
 export const button = (name, about, more = "") =>
   `<button type="button" data-ask="${escaped(JSON.stringify(about))}" ${more}>${name}</button>`;
 export const options = (pairs, chosen) =>

@@ -264,10 +264,8 @@ export class QNetwork {
       });
       layers[0].linear.first = true;
       const places = side * side; // those of a kernel follow one another
-      const turned = Array.from(
-        { length: kernels * places },
-        (_, k) => (k % places) * kernels + Math.floor(k / places),
-      );
+      const turn = (_, k) => (k % places) * kernels + Math.floor(k / places);
+      const turned = Array.from({ length: kernels * places }, turn);
       layers.push(new Gather(turned, turned.length, how));
       const from = inputs - 1;
       inputs += turned.length;
@@ -382,11 +380,8 @@ function averagePool(map, width, pooling) {
   const [out, channels] = [Math.floor(width / pooling), map.length / width ** 2];
   const found = new Float32Array(channels * out ** 2);
   found.forEach((_, place) => {
-    const [channel, row, col] = [
-      Math.floor(place / out ** 2),
-      Math.floor(place / out) % out,
-      place % out,
-    ];
+    const [line, col] = [Math.floor(place / out), place % out];
+    const [channel, row] = [Math.floor(line / out), line % out];
     let total = 0;
     for (let r = 0; r < pooling; r++) {
       const begin = channel * width ** 2 + (row * pooling + r) * width + col * pooling;

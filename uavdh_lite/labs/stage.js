@@ -154,10 +154,8 @@ export function draw(el, model) {
       waiting.push(told);
       find(".main").ariaBusy = true;
       clearTimeout(slow);
-      slow = setTimeout(
-        () => busy(["values", "why"].includes(told.kind) ? "Asking the network …" : "Flying …"),
-        SLOW,
-      );
+      const does = ["values", "why"].includes(told.kind) ? "Asking the network …" : "Flying …";
+      slow = setTimeout(() => busy(does), SLOW);
     }
     model.send(told);
   }
@@ -202,10 +200,8 @@ export function draw(el, model) {
     find(".map .under").innerHTML = tool.under?.(scene) ?? "";
     for (const over of el.querySelectorAll(".map .over"))
       over.innerHTML = `${tool.over?.(scene) ?? ""}<path class="cursor"/>`;
-    find("[data-set=city]").innerHTML = options(
-      state.cities.map((each) => [each, each]),
-      state.city,
-    );
+    const cities = state.cities.map((each) => [each, each]);
+    find("[data-set=city]").innerHTML = options(cities, state.city);
     find(".undo").disabled = !state.undo;
     find(".redo").disabled = !state.redo;
     paintDrawer();
@@ -288,10 +284,8 @@ export function draw(el, model) {
     ) => `<tr><th>device ${k}</th><td>${field(`data ${k}`, "data", data, 'min="0" max="32767" step="any"')}</td>
       <td>${button("×", { kind: "remove", device: k }, `aria-label="remove device ${k}" title="remove"`)}</td></tr>`;
     stage.fill(".devices", state.devices.map(row).join(""));
-    stage.fill(
-      ".fields",
-      field("time", "flying time", state.flyingTime, `min="1" max="${LONGEST}"`),
-    );
+    const limits = `min="1" max="${LONGEST}"`;
+    stage.fill(".fields", field("time", "flying time", state.flyingTime, limits));
     find(".add").disabled = full;
   }
 

@@ -1,7 +1,7 @@
 // What a network expects of each action, and what changes that: a device away or moved, the time.
 
 import { at, escaped, momentAt, scaleOf } from "../player.js";
-import { button, chooser, ramp, valued } from "./html.js";
+import { NETWORKS, button, chooser, ramp, valued } from "./html.js";
 import { listed, signed, upper } from "./words.js";
 import { ACTIONS } from "./world.js";
 
@@ -13,9 +13,8 @@ const bestOf = (values) => values.indexOf(Math.max(...values));
 
 /** A state in which some devices are away or elsewhere, and the time is another. */
 export function changed(state, { away = [], moved = {}, time = 0 }, city) {
-  const [deviceCells, dataInitial, dataLeft] = ["deviceCells", "dataInitial", "dataLeft"].map(
-    (name) => state[name].slice(),
-  );
+  const copied = [state.deviceCells, state.dataInitial, state.dataLeft];
+  const [deviceCells, dataInitial, dataLeft] = copied.map((each) => each.slice());
   for (const device of away) dataInitial[device] = dataLeft[device] = 0;
   for (const [device, cell] of Object.entries(moved)) deviceCells[device] = city.cell(cell);
   const timeLeft = Math.max(state.timeLeft + time, 1);
@@ -62,7 +61,7 @@ export const cameOf = (rewards, step, discount) =>
 export const THINK = {
   title: "Think",
   begins: true,
-  words: ["Q-value", "score", "DDQN agent", "imitation agent", "any-city agent"],
+  words: ["Q-value", "score", ...NETWORKS],
   html(scene) {
     const { panel, state, film } = scene;
     if (!panel.agent)
@@ -149,10 +148,8 @@ export const THINK = {
     const layer = stage.find(".layer");
     if (layer) layer.innerHTML = `${known?.cells ?? ""}${centred ? outside(film.city.length) : ""}`;
     const about = "the best value if the UAV were there";
-    stage.fill(
-      ".layer-scale",
-      known ? ramp(`${signed(known.low)} or less`, signed(known.high), about) : "",
-    );
+    const scale = () => ramp(`${signed(known.low)} or less`, signed(known.high), about);
+    stage.fill(".layer-scale", known ? scale() : "");
     if (value && !known) stage.askWhenFree({ kind: "values", step });
   },
 };

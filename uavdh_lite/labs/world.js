@@ -73,13 +73,14 @@ export const COLOURS = [
   [0, 0, 255],
   [255, 255, 0],
 ];
+const UNPRINTABLE = /[\p{C}\p{Zl}\p{Zp}]|(?! )\p{Zs}/gu; // as in city.py
 const [ON, OFF] = [224, 31]; // a channel is set from ON upwards, not set from OFF downwards
 
 /** A city of M×M cells; see city.py. Raises `InputError` for what cannot be one. */
 export class City {
   /** @param {string} name  @param {ArrayLike<number>} kinds (n,), indices into `SIGNS` */
   constructor(name, kinds) {
-    this.name = name;
+    this.name = `${name}`.replace(UNPRINTABLE, "?");
     this.kinds = Uint8Array.from(kinds);
     this.size = Math.sqrt(this.kinds.length);
     this.landing = this.kinds.map((kind) => kind === 3);
@@ -87,22 +88,17 @@ export class City {
     this.buildings = this.kinds.map((kind) => kind === 2 || kind === 4);
     /** Where a device may stand. */
     this.openToDevices = this.kinds.map((kind) => kind < 2);
-    const free = grow(
-      this.noFly.map((closed) => 1 - closed),
-      this.size,
-    );
+    const open = this.noFly.map((closed) => 1 - closed);
+    const free = grow(open, this.size);
     const walledIn = this.landing.findIndex((there, cell) => there && !free[cell]);
     const [row, col] = this.position(walledIn);
-    require(this.size <=
-      MAX_SIZE, `${name}: ${this.size} cells on a side, at most ${MAX_SIZE} fit`);
-    require(this.landing.includes(
-      1,
-    ), `${name}: no start and landing zone; paint at least one cell blue`);
-    require(walledIn < 0 ||
-      this.size ===
-        1, `${name}: landing cell row ${row}, column ${col} lies inside a no-fly zone: ` +
-      "the UAV cannot leave it; free a cell to its north, east, south or west");
-    const devices = this.openToDevices.includes(1);
+    const { size } = this;
+    require(size <= MAX_SIZE, `${name}: ${size} cells on a side, at most ${MAX_SIZE} fit`);
+    const [starts, devices] = [this.landing, this.openToDevices].map((mask) => mask.includes(1));
+    require(starts, `${name}: no start and landing zone; paint at least one cell blue`);
+    const lies = `landing cell row ${row}, column ${col} lies inside a no-fly zone`;
+    require(walledIn < 0 || size === 1, `${name}: ${lies}: the UAV cannot leave it; ` +
+      "free a cell to its north, east, south or west");
     require(devices, `${name}: no cell for a device: all are buildings or landing zone; free one`);
     /** Moves from each cell to the nearest landing cell, −1 if none is reachable; Int16Array. */
     this.landingDistance = new Int16Array(this.kinds.length).fill(-1);
@@ -125,10 +121,8 @@ export class City {
       const c = [...row].findIndex((sign) => !SIGNS.includes(sign));
       require(c < 0, `${name}: row ${r}, column ${c}: '${row[c]}' is none of ${SIGNS}`);
     });
-    return new City(
-      name,
-      [...rows.join("")].map((sign) => SIGNS.indexOf(sign)),
-    );
+    const kinds = [...rows.join("")].map((sign) => SIGNS.indexOf(sign));
+    return new City(name, kinds);
   }
 
   /** A picture's city, one pixel a cell.  @param {ArrayLike<number>} rgba four bytes a pixel */
@@ -144,8 +138,8 @@ export class City {
       );
       const [row, col] = [Math.floor(pixel / width), pixel % width];
       const where = `${name}: pixel row ${row}, column ${col} is`;
-      require(clear &&
-        kind >= 0, `${where} ${code(parts)}, not one of ${COLOURS.map(code).join(", ")}`);
+      const found = `${where} ${code(parts)}, not one of ${COLOURS.map(code).join(", ")}`;
+      require(clear && kind >= 0, found);
       return kind;
     });
     const size = `${width} × ${height} cells`;
