@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from uavdh_lite.city import load_city
-from uavdh_lite.labs.page import PACKAGE, bundle, data
+from uavdh_lite.labs.page import bundle, data
 from uavdh_lite.missions import Mission, as_json
 from uavdh_lite.scenario import find_scenario
 
@@ -58,7 +58,7 @@ def rows_of():
 def modules(browser):
     """A function that evaluates JavaScript in which `NAME_js` is what the module NAME exports."""
     page = browser.new_page()
-    page.add_script_tag(content=bundle(PACKAGE / "labs" / "session.js"))
+    page.add_script_tag(content=bundle(Path(__file__).with_name("modules.js")))
     return page.evaluate
 
 
@@ -84,6 +84,8 @@ def tell(modules, shared):
     mission = Mission.draw(find_scenario("village"), load_city("village"), 0)
     content = base64.b64encode(json.dumps(as_json(mission)).encode()).decode()
     modules("() => Object.assign(lab, { history: [lab.stage], at: 0 })")
+    learned = "Object.keys(lab.agents).filter((name) => name.startsWith('your'))"
+    modules(f"() => {{ for (const name of {learned}) delete lab.agents[name]; }}")
     tell("open", name="mission.json", base64=content)
     modules("() => Object.assign(lab, { history: [lab.stage], at: 0 })")
     return tell

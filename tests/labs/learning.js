@@ -76,7 +76,7 @@ async function learned({ run, steps, turns = {} }) {
         different: new Set(drawn.map(({ state }) => state)).size,
         told,
         points: trainer.points,
-        file: Buffer.from(await checkpoint(trainer)).toString("base64"),
+        file: Buffer.from(checkpoint(trainer)).toString("base64"),
       };
     }
   }

@@ -4,24 +4,45 @@ import base64
 import io
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from uavdh_lite.beyond.measured import MeasuredEnvironment, believing
+from uavdh_lite.beyond.symmetry import in_eight_views
 from uavdh_lite.channel import Channel, rate
 from uavdh_lite.checkpoint import load_agent, save_agent
-from uavdh_lite.city import load_city
+from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import ACTIONS, Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.labs import Lab
 from uavdh_lite.labs.page import data
 from uavdh_lite.missions import HandFlight, Mission, as_json, mission_from_json
+from uavdh_lite.observation import Observation
 from uavdh_lite.planners import Greedy
+from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import data_folder
 
+LEARNED = """async (seed) => {
+    const { city: { name, rows } } = lab.stage.mission;
+    const scenario = state_js.scenarioOf(lab.stage.mission.city, lab.shelf);
+    const dials = { ...lab.data.recipe, double: true, frozen: false, seed };
+    const trainer = new training_js.Trainer({ city: { name, rows }, scenario, dials });
+    const agents = [[0, checkpoint_js.partsOf(trainer)]];
+    await lab.hear({ kind: "learned", which: 0, agents, step: 0 });
+}"""
+TAKEN = """() => {
+    const { city: { name, rows } } = lab.stage.mission;
+    const scenario = state_js.scenarioOf(lab.stage.mission.city, lab.shelf);
+    const [found, dials] = [[], { ...lab.data.recipe, double: true, frozen: false, seed: 5 }];
+    const run = new run_js.Run({ city: { name, rows }, scenario, dials }, (it) => found.push(it));
+    run.hear({ kind: "take", base64: lab.data.trained });
+    run.hear({ kind: "save" });
+    return found.at(-1).bytes.toBase64();
+}"""
 SAVED = """async () => {
     const found = [];
     lab.post = ({ kind, content }) => kind === "file" && found.push(content);
@@ -63,6 +84,12 @@ def test_an_event_changes_what_it_names_and_nothing_else(tell):
     assert tell("time", value=30)["state"]["flyingTime"] == 30
     assert tell("move", device=-1, cell=[0, 0])["state"]["start"] == [0, 0]
     assert tell("look", device=0)["state"]["device"] == 0
+    tell("move", device=0, cell=[6, 5])
+    for k in (6, 7):  # keys say by how much, though presses before are not answered yet
+        assert tell("move", device=0, by=[0, 1])["state"]["devices"][0]["cell"] == [6, k]
+    tell("tool", tool="think")
+    for k in (6, 5):
+        assert tell("whatIf", device=0, by=[0, -1])["panel"]["whatIf"]["moved"] == {"0": [6, k]}
 
 
 def test_a_drag_is_one_change_and_ends_where_a_device_may_stand(modules, tell):
@@ -136,6 +163,12 @@ def test_painting_leaves_what_stands_there_and_a_painted_city_is_kept(tell):
     assert {name, second["city"]} <= {*second["cities"]} and name != second["city"]
     assert tell("city", name=name)["film"]["city"] == walls["film"]["city"]
     tell("add", refused="this scenario takes 1 to 3")
+    for k in range(110):  # more than can be undone
+        tell("time", value=40 + k)
+    tell("city", name="village")
+    for k in range(110):
+        assert name in tell("time", value=40 + k)["state"]["cities"]
+    tell("city", name=name)
     for _ in state["devices"][1:]:
         tell("remove", device=0)
     tell("remove", device=0, refused="the last device stays")
@@ -261,17 +294,17 @@ def test_a_hundred_missions_are_drawn_anew_and_their_interval_is_students(module
     assert found == pytest.approx([values.mean(), values.mean() - half, values.mean() + half])
 
 
-@pytest.mark.parametrize("later", ["cancel", "new", "look"])
+@pytest.mark.parametrize("later", ["cancel", "new", "look", "learned"])
 def test_what_takes_long_ends_when_something_else_is_done(modules, later):
     script = """async (later) => {
         const scenes = [];
         lab.post = (told) => told.kind === "scene" && scenes.push(told.scene);
         const long = lab.hear({ kind: "many" });
-        await Promise.all([long, lab.hear({ kind: later, device: 0 })]);
+        await Promise.all([long, lab.hear({ kind: later, device: 0, agents: [] })]);
         return scenes.map(({ refused, panel }) => [refused, Boolean(panel.many)]);
     }"""
     modules("() => { lab.extra = {}; }")
-    assert modules(script, later) == [["", False], ["", later == "look"]]
+    assert modules(script, later) == [["", False], ["", later in ("look", "learned")]]
 
 
 def test_the_ledger_of_the_radio_link_is_that_of_python(tell):
@@ -305,7 +338,9 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
     assert as_json(drawn) == mission
     tell("city", name="manhattan")
     assert opened("a.json", stage)["state"] == kept | {"undo": True, "redo": False}
-    fresh = opened("mission.json", mission)["state"]
+    mission["city"]["name"] = "odd\u0007\u2028\u00a0 name"
+    assert opened("mission.json", mission)["state"]["city"] == mission_from_json(mission).city.name
+    fresh = opened("mission.json", stage["mission"])["state"]
     assert fresh["policies"] == ["random", "greedy"] and fresh["flown"] == ""
 
 
@@ -325,6 +360,10 @@ def test_a_city_goes_into_a_picture_and_back_and_white_is_ground(tell, opened, s
     for painted in (content, picture(pixels)):
         tell("city", name="village")
         assert opened("city.PNG", painted)["film"]["city"] == rows
+    exif, turned = Image.Exif(), io.BytesIO()
+    exif[0x0112] = 6  # turned to the right
+    Image.fromarray(pixels).save(turned, "PNG", exif=exif)
+    assert opened("city.png", turned.getvalue())["film"]["city"] == rows
     opened("city.png", b"no picture", refused="not a readable PNG")
     wrong = picture(np.full((8, 8, 3), (200, 30, 99)))
     opened("photo.png", wrong, refused="photo.png: pixel row 0, column 0 is #c81e63")
@@ -346,7 +385,106 @@ def test_agents_are_told_apart_by_their_weights_and_not_by_their_names(opened, t
     assert len(titles) == len(known) + 2 == len({*titles}) and titles[0].startswith("best")
     named = opened("manhattan_ddqn.safetensors", other)["state"]  # displaces no other
     assert {*map(tuple, known)} <= {*map(tuple, named["known"])}
-    opened("mine.safetensors", one[:5000], refused="not an agent of this package")
+    scene = opened("greedy.safetensors", one)  # is not taken for the rule
+    titles = [title for _, title in scene["state"]["known"]]
+    assert len(titles) == len({*titles})
+    opened("mine.safetensors", one[:50], refused="not an agent of this package")
+    for damaged in (one[:5000], one[:-60_000] + bytes(50_000) + one[-10_000:]):
+        opened("mine.safetensors", damaged, refused="damaged, its checksum is wrong; copy or train")
+
+
+def yours(scene):
+    return [name for name, title in scene["state"]["known"] if title == "your agent"]
+
+
+def test_each_city_keeps_your_agent_and_a_saved_page_means_no_later_one(
+    modules, tell, opened, saved
+):
+    modules(LEARNED, 0)
+    [first] = yours(tell("tool", tool="compare"))
+    scene = tell("policy", which=0, name=first)
+    stage = json.loads(saved("stage"))
+    tell("city", name="empty 8 × 8")
+    modules(LEARNED, 1)
+    assert yours(tell("look", device=0)) != [first]
+    back = tell("city", name="village")
+    assert yours(back) == [first] == back["state"]["policies"][:1] and back["film"] == scene["film"]
+    modules(LEARNED, 2)  # goes on to fly where the one before did
+    [second] = yours(again := tell("look", device=0))
+    assert second != first and again["state"]["policies"][0] == second
+    note = opened("page.json", stage)["note"]
+    assert note == "“your agent” cannot fly here, so others do."
+    modules(LEARNED, 0)
+    assert opened("page.json", stage)["state"]["policies"][0] == first
+
+
+def test_what_was_taken_is_saved_with_the_run_that_it_came_from(modules, tell, tmp_path):
+    (tmp_path / "taken.safetensors").write_bytes(base64.b64decode(modules(TAKEN)))
+    taken = load_agent(tmp_path / "taken.safetensors")
+    trained = load_agent(data_folder() / "labs" / "village.safetensors")
+    names = ("steps", "updates", "seed")
+    assert [taken.training[name] for name in names] == [trained.training[name] for name in names]
+    assert taken.recipe.steps == trained.recipe.steps
+
+
+def over_own(name, sign):
+    """An agent of an own city of this name."""
+    city = load_city("village")
+    own = City.from_text(name, city.text[:-1] + sign)
+    agent = load_agent(data_folder() / "labs" / "village.safetensors")
+    scenario = replace(agent.scenario, devices=(1, 1), flying_time=(77, 77))
+    return replace(agent.over(own), trained_in=(own,), scenario=scenario)
+
+
+def test_cities_of_one_name_are_told_apart_by_their_cells(tell, opened, tmp_path):
+    one, two = over_own("village", "B"), over_own("village", "N")
+    told = data({"one": one, "two": two, "greedy": one})
+    cities = {city["name"]: city["rows"][-1][-1] for city in told["cities"]}
+    of = [(each["city"], cities[each["city"]]) for each in told["agents"]]
+    assert of == [("village_2", "B"), ("village_3", "N"), ("village_2", "B")]
+    first, second, third = (each["digest"] for each in told["agents"])
+    assert first == third != second
+    save_agent(tmp_path / "one.safetensors", one)
+    scene = opened("one.safetensors", (tmp_path / "one.safetensors").read_bytes())
+    assert scene["state"]["city"] == "village_2" and scene["state"]["flyingTime"] == 77
+    mission = as_json(Mission.draw(two.scenario, two.city, 0))
+    for _ in range(2):
+        state = opened("mission.json", mission)["state"]
+        assert state["city"] == "village_3" and {"village", "village_2"} <= {*state["cities"]}
+    assert tell("city", name="village_2")["film"]["city"][-1][-1] == "B"
+
+
+class Blind(Observation):
+    pass
+
+
+@dataclass(frozen=True)
+class BlindRecipe(Recipe):
+    def observation_for(self, environment, size=0):
+        return Blind(environment, self.observation, self.data_scale, self.time_scale, size)
+
+
+def test_an_agent_that_the_page_would_fly_otherwise_is_refused(opened, tmp_path):
+    agent, imitation = load_agent("manhattan_ddqn"), load_agent("manhattan")
+    recipe = BlindRecipe(**asdict(agent.recipe))
+    blind = replace(agent, recipe=recipe, observation=recipe.observation_for(agent.environment))
+    save_agent(tmp_path / "blind.safetensors", blind)
+    content = (tmp_path / "blind.safetensors").read_bytes()
+    opened("blind.safetensors", content, refused="cannot fly agents of the recipe kind BlindRecipe")
+    level = np.zeros((256, 256))
+    belief = MeasuredEnvironment(imitation.city, mean_snr_db=level)
+    high = replace(agent.environment.channel, altitude_m=50.0)
+    for odd, said in (
+        (blind, "no BlindRecipe"),
+        (in_eight_views(imitation), "no EightViews"),
+        (believing(imitation, belief), "no MeasuredEnvironment"),
+        (agent.over(agent.city, high), "one channel, .* altitude_m 10, not 50"),
+        (agent.over(load_city("open_field")), "not trained for open_field"),
+    ):
+        with pytest.raises(InputError, match=said):
+            Lab(agent=odd)
+    with pytest.raises(InputError, match="not trained for open_field"):
+        Lab(city="open_field", agent="manhattan_ddqn")
 
 
 def test_an_agent_over_another_channel_than_the_pages_is_refused(opened, tmp_path):

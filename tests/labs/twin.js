@@ -1,6 +1,7 @@
 // What the JavaScript twins answer to what test_world.py asks.
 
-import { Greedy, Random, readAgent } from "../../uavdh_lite/labs/pilots.js";
+import { readAgent } from "../../uavdh_lite/labs/checkpoint.js";
+import { Greedy, Random } from "../../uavdh_lite/labs/pilots.js";
 import {
   City,
   Environment,

@@ -45,11 +45,8 @@ export function attend(stage) {
     const thing = cell && thingAt(cell);
     const exact = event.pointerType !== "touch" || tool() === TOOLS.paint;
     if (thing !== null || exact) return thing;
-    const beside = nearest(
-      event.target.closest(".map").querySelectorAll("g[data-device]"),
-      event,
-      REACH,
-    );
+    const things = event.target.closest(".map").querySelectorAll("g[data-device]");
+    const beside = nearest(things, event, REACH);
     return beside ? Number(beside.dataset.device) : null;
   };
   const hover = (cell) => {
@@ -215,8 +212,7 @@ export function attend(stage) {
     }
     const device = target.closest("g[data-device]")?.dataset.device;
     if (device && down !== undefined) {
-      const [row, col] = device < 0 ? state.start : stage.scene.film.devices[device].cell;
-      return () => ask(moves(Number(device), [row + down, col + right]));
+      return () => ask(moves(Number(device), null, { by: [down, right] }));
     }
     if (device >= 0 && ["Delete", "Backspace"].includes(key))
       return () => ask({ kind: "remove", device: Number(device) });
@@ -269,27 +265,22 @@ export function attend(stage) {
   }
 
   // First of all, and whatever has the focus on a page of our own
-  window.addEventListener(
-    "keydown",
-    (event) => {
-      if (event.altKey || !event.target.closest) return;
-      if (event.target !== document.body && !el.contains(event.target)) return;
-      if (event.key === "Escape") {
-        find(".drawer").close();
-        stage.paint();
-        return stage.endStory();
-      }
-      const undoes = event.ctrlKey || event.metaKey; // which a slider and a list leave to the page
-      const own = event.target.matches(
-        undoes ? "input:not([type=range], [type=checkbox])" : "input, select",
-      );
-      const does_ = own ? null : keyed(event);
-      if (!does_) return;
-      event.preventDefault();
-      event.stopImmediatePropagation();
-      stage.endStory();
-      does_();
-    },
-    true,
-  );
+  const press = (event) => {
+    const { target, key, altKey } = event;
+    if (altKey || !target.closest || (target !== document.body && !el.contains(target))) return;
+    if (key === "Escape") {
+      find(".drawer").close();
+      stage.paint();
+      return stage.endStory();
+    }
+    const undoes = event.ctrlKey || event.metaKey; // which a slider and a list leave to the page
+    const writes = undoes ? "input:not([type=range], [type=checkbox])" : "input, select";
+    const does_ = target.matches(writes) ? null : keyed(event);
+    if (!does_) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    stage.endStory();
+    does_();
+  };
+  window.addEventListener("keydown", press, true);
 }

@@ -4,6 +4,7 @@ Nothing is compiled: the modules stand in the page as they are, each in a functi
 """
 
 import base64
+import hashlib
 import json
 import re
 import tempfile
@@ -12,16 +13,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors.torch import save as to_bytes
 
 from uavdh_lite.agent import Agent
+from uavdh_lite.beyond.recipes import BeyondRecipe, ImitationRecipe
 from uavdh_lite.channel import Channel
 from uavdh_lite.checkpoint import load, load_agent, save_agent
 from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.errors import InputError
 from uavdh_lite.missions import Mission, as_json
 from uavdh_lite.plotting import DEVICE_COLOURS
-from uavdh_lite.recipe import find_recipe
+from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.storage import data_folder, write_atomically
 
@@ -70,7 +73,7 @@ def page(
         agents: by the names that the page gives them, agents or their files; None: `AGENTS`.
 
     Raises `CheckpointError` for a file that holds no agent, and `InputError` for agents over
-    several channels.
+    several channels, or with parts that a page does not have.
     """
     names = ("player.css", "labs/stage.css")
     style = "\n".join((PACKAGE / name).read_text(encoding="utf-8") for name in names)
@@ -91,21 +94,31 @@ def data(agents: Mapping[str, Agent | str | Path] | None) -> dict[str, Any]:
     shipped = (city for name in shipped_cities() if (city := load_city(name)).size <= LARGEST)
     cities = [_city(city, find_scenario(city.name)) for city in shipped]
     shelf, channel = [], None
-    for name, source in (dict.fromkeys(AGENTS) if agents is None else agents).items():
-        agent = source if isinstance(source, Agent) else load_agent(source or name)
-        channel = channel or agent.environment.channel
-        if found := channel.differences(agent.environment.channel):
-            raise InputError(f"a page has one channel, but {name} has another, with {found}")
-        about = {"name": name, "title": AGENTS.get(name, name), "given": name not in AGENTS}
+    for name, source in ({each: each for each in AGENTS} if agents is None else agents).items():
+        agent = source if isinstance(source, Agent) else load_agent(source)
+        _require_flown(name, agent)
+        channel = channel or agent.scenario.channel
+        for own in (agent.scenario.channel, agent.environment.channel):
+            if found := channel.differences(own):
+                raise InputError(f"a page has one channel, but {name} has another, with {found}")
+        content = packed(agent)
+        about: dict[str, Any] = {"name": name, "title": name}
+        if source == name and name in AGENTS:
+            about["title"] = AGENTS[name]
+        else:  # known by its content
+            about["digest"] = hashlib.sha256(content).hexdigest()
         if len(agent.trained_in) == 1:
             own = _city(agent.trained_in[0], agent.scenario)
             known = next((each for each in cities if each["rows"] == own["rows"]), None)
             if known is None:
+                taken = [each["name"] for each in cities]
+                names = own["name"], *(f"{own['name']}_{k + 2}" for k in range(len(taken)))
+                own["name"] = next(each for each in names if each not in taken)
                 cities.append(own)
             about["city"] = (known or own)["name"]
         about["size"] = agent.observation.size
-        about["scores"] = agent.recipe.as_json()["kind"] == "ImitationRecipe"
-        shelf.append({**about, "base64": base64.b64encode(packed(agent)).decode()})
+        about["scores"] = isinstance(agent.recipe, ImitationRecipe)
+        shelf.append({**about, "base64": base64.b64encode(content).decode()})
     return {
         "cities": cities,
         "agents": shelf,
@@ -114,6 +127,21 @@ def data(agents: Mapping[str, Agent | str | Path] | None) -> dict[str, Any]:
         "recipe": find_recipe("small").as_json(),
         "trained": base64.b64encode(packed(load_agent(TRAINED))).decode(),
     }
+
+
+def _require_flown(name: str, agent: Agent) -> None:
+    """Raise `InputError` for an agent that is more than its file says, which is all a page has."""
+    recipe, own, usual = agent.recipe, [agent.recipe], [None]
+    if type(recipe) in (Recipe, BeyondRecipe, ImitationRecipe):
+        world = recipe.environment_for(agent.trained_in[0])
+        sees = recipe.observation_for(world, agent.observation.size)
+        with torch.device("meta"):  # without weights
+            usual = [world, sees, recipe.network_for(sees)]
+        own = [agent.environment, agent.observation, agent.network]
+    for each, other in zip(own, usual, strict=True):
+        if type(each) is not type(other):
+            what = type(each).__name__
+            raise InputError(f"{name}: a page has only what an agent's file says, and no {what}")
 
 
 def _city(city: City, scenario: Scenario) -> dict[str, Any]:

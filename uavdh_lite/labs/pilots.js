@@ -3,19 +3,7 @@
 // them. M is the number of cells on a side of the largest city that an agent sees, W = 2M − 1.
 
 import { QNetwork, viewsOf } from "./network.js";
-import {
-  ACTIONS,
-  CHANNEL,
-  City,
-  HOVER,
-  InputError,
-  Portable,
-  Use,
-  hasChannel,
-  kept,
-  require,
-  safeActions,
-} from "./world.js";
+import { ACTIONS, CHANNEL, City, HOVER, Portable, Use, kept, safeActions } from "./world.js";
 
 /** Every action equally likely. */
 export class Random {
@@ -154,19 +142,16 @@ export class Agent {
   /**
    * @param {object} about the JSON of the file's header
    * @param {object} tensors shape and values by their names in the file
+   * @param {string} [digest] the checksum of the file
    */
-  constructor(about, { cities, ...tensors }) {
-    const { recipe, size } = about;
-    const named = Object.entries(tensors).map(([name, tensor]) => [
-      name.replace(/^network\.(network\.)?/, ""),
-      tensor,
-    ]);
+  constructor(about, { cities, ...tensors }, digest) {
+    const { recipe, size, scenario, training } = about;
+    const own = (name) => name.replace(/^network\.(network\.)?/, "");
+    const named = Object.entries(tensors).map(([name, tensor]) => [own(name), tensor]);
     const first = named.find(([name]) => /^convolutions.*weight/.test(name))[1];
-    Object.assign(this, { recipe, size });
-    this.network = new QNetwork(recipe, first.shape[1], 2 * size - 1, {
-      batch: 1,
-      generator: null,
-    });
+    Object.assign(this, { recipe, size, scenario, training, digest });
+    const how = { batch: 1, generator: null };
+    this.network = new QNetwork(recipe, first.shape[1], 2 * size - 1, how);
     this.network.tensors = Object.fromEntries(named);
     /** The city that it was trained in; null if there were many. @type {City | null} */
     this.city = about.cities.length === 1 ? new City(about.cities[0].name, cities.values) : null;
@@ -189,14 +174,8 @@ class Flier {
   qValues(state) {
     const { recipe, network } = this.agent;
     const views = viewsOf(this.observation.map(state), this.observation.width, recipe);
-    const time = state.timeLeft / recipe.time_scale;
-    const values = network
-      .forward(
-        views.map(([view]) => view),
-        [time],
-        1,
-      )
-      .slice();
+    const [maps, time] = [views.map(([view]) => view), state.timeLeft / recipe.time_scale];
+    const values = network.forward(maps, [time], 1).slice();
     if (!recipe.failsafe) return values;
     const allowed = safeActions(this.environment, state);
     return values.map((value, action) => (allowed[action] ? value : -Infinity));
@@ -212,44 +191,4 @@ export function valueMap(flier, state) {
   return { values, best: all.map((each, cell) => each && ACTIONS[each.indexOf(values[cell])]) };
 }
 
-/** An agent from a checkpoint, the bytes of a safetensors file; `InputError` if it is none. */
-export function readAgent(bytes) {
-  let [agent, channel] = [];
-  try {
-    const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-    const begin = 8 + Number(view.getBigUint64(0, true));
-    const { __metadata__: metadata, ...entries } = JSON.parse(
-      new TextDecoder().decode(bytes.subarray(8, begin)),
-    );
-    const about = JSON.parse(metadata.uavdh_lite);
-    const tensors = {};
-    for (const [name, { dtype, shape, data_offsets: ends }] of Object.entries(entries)) {
-      const content = bytes.slice(begin + ends[0], begin + ends[1]);
-      tensors[name] = { shape, values: READ[dtype](content) };
-    }
-    agent = new Agent(about, tensors);
-    channel = about.scenario.channel;
-  } catch {
-    throw new InputError(
-      "not an agent of this package, or a damaged file: open a checkpoint that training saved",
-    );
-  }
-  require(hasChannel(channel), "this agent was trained over another radio channel than the page's");
-  return agent;
-}
-
-const READ = {
-  U8: (content) => content,
-  F32: (content) => new Float32Array(content.buffer),
-  F16: (content) => new Float16Array(content.buffer),
-};
-
 export const bytesOf = (base64) => Uint8Array.fromBase64(base64);
-
-/** Letters that tell files apart by their content. */
-export function digestOf(bytes) {
-  const parts = [0, 1].map((seed) =>
-    bytes.reduce((code, byte) => Math.imul(code ^ byte, 16777619 + 2 * seed), ~seed),
-  );
-  return parts.map((part) => (part >>> 0).toString(16).padStart(8, "0")).join("");
-}

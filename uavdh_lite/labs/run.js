@@ -1,7 +1,7 @@
 // A run in a worker of its own: it learns until it is stopped, and tells what the page shows.
 
-import { checkpoint, partsOf } from "./checkpoint.js";
-import { bytesOf, readAgent } from "./pilots.js";
+import { checkpoint, partsOf, readAgent } from "./checkpoint.js";
+import { bytesOf } from "./pilots.js";
 import { Trainer } from "./training.js";
 
 const TURN = 100; // ms of learning after which it hears what was told meanwhile
@@ -13,14 +13,8 @@ export class Run {
    * @param {(answer: object) => void} post takes what the page is told
    */
   constructor(told, post) {
-    Object.assign(this, {
-      trainer: new Trainer(told),
-      post,
-      going: false,
-      sent: 0,
-      told: 0,
-      rate: 0,
-    });
+    const trainer = new Trainer(told);
+    Object.assign(this, { trainer, post, going: false, sent: 0, told: 0, rate: 0 });
     this.tell();
   }
 
@@ -28,8 +22,9 @@ export class Run {
   hear({ kind, dials, base64 }) {
     const { trainer } = this;
     if (kind === "turn") trainer.turn(dials);
-    else if (kind === "take") trainer.take(readAgent(bytesOf(base64)).network.tensors);
-    else if (kind === "save") return this.save();
+    else if (kind === "take")
+      this.post({ kind: "run", points: [], dials: trainer.take(readAgent(bytesOf(base64))) });
+    else if (kind === "save") return this.post({ kind: "file", bytes: checkpoint(trainer) });
     else if (kind === "step" && !trainer.finished) trainer.step();
     const goes = this.going;
     this.going = (kind === "go" || (goes && kind === "turn")) && !trainer.finished;
@@ -62,9 +57,5 @@ export class Run {
       agent: partsOf(trainer),
     });
     [this.sent, this.told] = [points.length, performance.now()];
-  }
-
-  async save() {
-    this.post({ kind: "file", bytes: await checkpoint(this.trainer) });
   }
 }

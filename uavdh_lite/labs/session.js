@@ -2,14 +2,17 @@
 // so that no computation stops the drawing.
 
 import { hiddenRows, ledger } from "./channel.js";
+import { DAMAGED, digestOfParts, readAgent } from "./checkpoint.js";
 import { cause, headline, isDuel, parting } from "./compare.js";
 import { Hangar, filmOf, numbers, whoIs } from "./flights.js";
-import { Agent, bytesOf, digestOf, readAgent, valueMap } from "./pilots.js";
+import { Agent, bytesOf, valueMap } from "./pilots.js";
 import {
   CHANGES,
   TOOLS,
   YOU,
   cityOfPicture,
+  flying,
+  namedBy,
   newStage,
   overCity,
   pictureOf,
@@ -32,9 +35,10 @@ const STORY = 358; // the mission that the page begins with, chosen because it s
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
 const BESIDE = ["show", "values", "shadow", "look", "see", "why", "whatIf"]; // no action
-const GO_ON = [...BESIDE, "tool", "save"]; // what does not end what takes long
+const GO_ON = [...BESIDE, "tool", "save", "learned"]; // what does not end what takes long
 const UNCHANGED = { away: [], moved: {}, time: 0 }; // what if nothing were different
 const LEARNERS = ["your agent", "your second agent"]; // by their runs in Train
+const TAKEN = [...LEARNERS, "greedy", "random", YOU]; // titles that no other agent gets
 const STOPPED = new InputError("");
 
 /** Why something was not done, for people; nothing if they ended it themselves. */
@@ -48,7 +52,7 @@ function reasonOf(error) {
  * An agent that is read from its bytes when it is first needed.
  * @param {City | null} of the city that it was made for; null if for all up to its size
  */
-function shelved({ title, given = false, subject, size, scores, base64, read }, of) {
+function shelved({ title, given, subject, size, scores, base64, read }, of) {
   subject ??= `the ${given ? "agent " : ""}${title}`;
   const knows = (city) => (of ? of.sameAs(city) : city.size <= size);
   return {
@@ -74,16 +78,20 @@ export class Session {
     }
     for (const size of EMPTY) {
       const rows = Array.from({ length: size }, (_, r) => (r < 2 ? "LL" : "").padEnd(size, "."));
-      cities[`empty ${size} × ${size}`] = City.fromText(`empty ${size} × ${size}`, rows.join("\n"));
+      const name = `empty ${size} × ${size}`;
+      cities[name] ??= City.fromText(name, rows.join("\n"));
     }
     this.tools = data.tool ? [data.tool] : TOOLS;
-    this.shelf = { cities, scenarios, known: this.known, tools: TOOLS };
-    this.agents = {};
+    const [agents, { channel }] = [{}, data];
+    Object.assign(this, { agents, history: [] });
+    this.shelf = { cities, scenarios, agents, channel, known: this.known, tools: TOOLS };
     for (const each of data.agents) {
-      this.agents[each.name] = shelved(each, cities[each.city] ?? null);
+      const of = cities[each.city] ?? null;
+      if (each.digest) this.addAgent(each, of);
+      else this.agents[each.name] = shelved(each, of);
     }
     const first = data.mission
-      ? readFile(JSON.stringify(data.mission), this.shelf)
+      ? this.named(readFile(JSON.stringify(data.mission), this.shelf))
       : newStage(randomMission(Object.values(cities)[0], STORY, this.shelf), this.shelf);
     this.history = [data.tool ? CHANGES.tool(first, { tool: data.tool }) : first];
     this.hangar = new Hangar(this.stage.mission, this.agents);
@@ -113,18 +121,31 @@ export class Session {
     return [...new Set([...own.filter((name) => !shelf.includes(name)), ...shelf])];
   }
 
-  /** The name of a city that is painted: its own, or, where the shelf has it, a new one. */
-  paintedName(name) {
-    if (name && !Object.hasOwn(this.shelf.cities, name)) return name;
-    const taken = this.history.slice(0, this.at + 1).map(({ mission }) => mission.city.name);
-    const more = taken.map((_, k) => `my_city_${k + 2}`);
-    return ["my_city", ...more].find((each) => !taken.includes(each));
+  /** A name, with a number if a city other than this one has it. */
+  free(name, city = null) {
+    const own = this.history.map(({ mission }) => mission.city);
+    const all = [...own, ...Object.values(this.shelf.cities)];
+    const taken = all.filter((each) => !city?.sameAs(each)).map((each) => each.name);
+    return [name, ...taken.map((_, k) => `${name}_${k + 2}`)].find((each) => !taken.includes(each));
   }
 
-  /** A stage of the history, looked at as one looks now. */
+  /** The name of a city that is painted: its own, or, where the shelf has it, a new one. */
+  paintedName = (name) =>
+    name && !Object.hasOwn(this.shelf.cities, name) ? name : this.free("my_city");
+
+  /** The stage of a file, whose city has a name of its own. */
+  named(stage) {
+    const { city } = stage.mission;
+    const name = this.free(city.name, city);
+    if (name === city.name) return stage;
+    return { ...stage, mission: stage.mission.with({ city: new City(name, city.kinds) }) };
+  }
+
+  /** A stage of the history, looked at as one looks now, with who can fly there now. */
   again(stage) {
     const { tool, looks } = this.stage;
-    return { ...stage, tool, looks };
+    const policies = flying(stage.policies, stage.mission.city, this.shelf);
+    return { ...stage, policies, tool, looks };
   }
 
   /** Does what the page tells, or says why it was not done. */
@@ -148,10 +169,8 @@ export class Session {
     const film = filmOf(hangar, flights, this.data.colours, moved);
     const text = JSON.stringify(film);
     if (text !== this.filmed) [this.filmed, this.version] = [text, (this.version ?? 0) + 1];
-    const panel = this.panels[stage.tool]?.call(
-      this,
-      flights.map(([, flight]) => flight),
-    );
+    const flown = flights.map(([, flight]) => flight);
+    const panel = this.panels[stage.tool]?.call(this, flown);
     const scene = {
       tools: this.tools,
       state: this.summary(),
@@ -217,17 +236,22 @@ export class Session {
     return this.extra.whatIf ?? UNCHANGED;
   }
 
-  /** The flights that are drawn, with their titles; the ghost is the second one. */
-  flights() {
-    const { stage, hangar } = this;
-    const { tool, policies, flown } = stage;
+  /** Whose flights are drawn; the ghost is the second one. */
+  get drawnOnes() {
+    const { tool, policies } = this.stage;
     const names = {
       fly: [YOU, this.ghost],
       compare: policies,
       think: [this.thinker ?? policies[0]],
       train: [this.learner ?? policies[0]],
-    }[tool] ?? [policies[0]];
-    return names.map((name) => [whoIs(name, this.agents).title, hangar.flight(name, flown)]);
+    };
+    return names[tool] ?? [policies[0]];
+  }
+
+  /** The flights that are drawn, with their titles. */
+  flights() {
+    const flight = (name) => this.hangar.flight(name, this.stage.flown);
+    return this.drawnOnes.map((name) => [whoIs(name, this.agents).title, flight(name)]);
   }
 
   /** What the tools show next to the map. */
@@ -288,12 +312,14 @@ export class Session {
   /** Goes on with another stage; changes of the mission and moves of the flight can be undone. */
   take(stage, kind) {
     const { mission, flown, policies } = this.stage;
-    const { flyingTime } = stage.mission;
-    require(flyingTime <=
-      LONGEST, `flying time ${flyingTime}: this page allows at most ${LONGEST}`);
+    const { flyingTime: time } = stage.mission;
+    require(time <= LONGEST, `flying time ${time}: this page allows at most ${LONGEST}`);
     if (stage.mission !== mission || stage.flown !== flown) {
       const same = this.last === kind && kind.startsWith("drag");
-      this.history = [...this.history.slice(0, this.at + (same ? 0 : 1)), stage].slice(-KEPT);
+      const all = [...this.history.slice(0, this.at + (same ? 0 : 1)), stage];
+      const names = all.map((each) => each.mission.city.name);
+      const old = names.findIndex((name, k) => names.lastIndexOf(name) > k); // a city stays
+      this.history = all.length > KEPT && old >= 0 ? all.toSpliced(old, 1) : all;
       this.at = this.history.length - 1;
       this.last = kind;
     } else this.stage = stage;
@@ -335,23 +361,13 @@ export class Session {
     }
   }
 
-  /** Adds an agent, told apart from all others by its weights. @returns {string} its name */
-  addAgent(title, bytes) {
-    const read = readAgent(bytes);
-    const name = `${title} ${digestOf(bytes)}`;
-    const same = Object.entries(this.agents).some(
-      ([other, each]) => each.title === title && other !== name,
-    );
-    this.agents[name] ??= shelved(
-      {
-        title: same ? `${title} ${digestOf(bytes).slice(0, 4)}` : title,
-        size: read.size,
-        scores: read.recipe.kind === "ImitationRecipe",
-        given: true,
-        read,
-      },
-      read.city,
-    );
+  /** Adds an agent that somebody gave. @returns {string} its name, by which it is known */
+  addAgent(told, of) {
+    const name = namedBy(told.title, told.digest);
+    const others = Object.keys(this.agents).filter((each) => each !== name);
+    const taken = [...TAKEN, ...others.map((each) => this.agents[each].title)].includes(told.title);
+    const title = taken ? `${told.title} ${told.digest.slice(0, 4)}` : told.title;
+    this.agents[name] ??= shelved({ ...told, title, given: true }, of);
     return name;
   }
 
@@ -361,9 +377,7 @@ export class Session {
     /** A city is found as it was left. */
     city({ name }) {
       const city = this.shelf.cities[name];
-      const left = this.history.findLast(
-        ({ mission }) => mission.city.name === name && (!city || city.sameAs(mission.city)),
-      );
+      const left = this.history.findLast(({ mission }) => mission.city.name === name);
       this.take(left ? this.again(left) : overCity(this.stage, city, this.shelf), "city");
     },
     undo({ by }) {
@@ -403,16 +417,16 @@ export class Session {
           await turn(k / TRIES);
         }
         const { subject } = whoIs(pair[wanted > 0 ? 0 : 1], this.agents);
-        throw new InputError(
-          `${subject} is ahead in none of the next ${TRIES} missions: press again to go on`,
-        );
+        const found = `ahead in none of the next ${TRIES} missions: press again to go on`;
+        throw new InputError(`${subject} is ${found}`);
       });
-      this.take({ ...withMission(this.stage, found, this.shelf), policies: pair }, "duel");
+      this.take(withMission(this.stage, found, this.shelf), "duel");
     },
     /** The means of both policies over a hundred new missions, with their intervals. */
     async many() {
       const { hangar, pair } = this;
       const { city } = this.stage.mission;
+      const who = pair.map((name) => whoIs(name, this.agents));
       const from = this.drawn;
       this.drawn += MISSIONS;
       const rows = pair.map(() => []);
@@ -427,10 +441,7 @@ export class Session {
         }
       });
       const many = {
-        rows: rows.map((row, k) => ({
-          who: whoIs(pair[k], this.agents),
-          both: studentInterval(row),
-        })),
+        rows: rows.map((row, k) => ({ who: who[k], both: studentInterval(row) })),
         difference: studentInterval(rows[0].map((each, k) => each - rows[1][k])),
         from,
       };
@@ -460,17 +471,18 @@ export class Session {
       this.extra = { ...this.extra, why };
     },
     /** Tries a device away or elsewhere, or another time; `clear` ends it. A drag is as in `move`. */
-    whatIf({ device, away, cell, time, clear, drag, ends }) {
+    whatIf({ device, away, cell, by, time, clear, drag, ends }) {
       const { whatIf } = this;
+      const { devices } = this.stage.mission;
+      cell ??= by && (whatIf.moved[device] ?? devices[device]).map((axis, k) => axis + by[k]);
       const { [device]: _, ...others } = whatIf.moved;
       const gone = whatIf.away.filter((each) => each !== device);
       let next = whatIf;
       if (away !== undefined)
         next = { ...whatIf, away: away ? [...gone, device] : gone, moved: others };
       if (cell) {
-        const { mission } = this.stage;
         try {
-          mission.with({ devices: mission.devices.with(device, cell) });
+          this.stage.mission.with({ devices: devices.with(device, cell) });
         } catch (error) {
           if (drag && !ends) return;
           throw error;
@@ -483,14 +495,21 @@ export class Session {
     },
     /** Takes the agents of the runs in Train as they are now; the chosen one is shown there. */
     learned({ which, agents, step }) {
-      for (const [k, { about, tensors }] of agents.filter(([, agent]) => agent)) {
-        const [title, read] = [LEARNERS[k], new Agent(about, tensors)];
+      const before = String(this.drawnOnes);
+      for (const [k, parts] of agents.filter(([, agent]) => agent)) {
+        const [title, read] = [LEARNERS[k], new Agent(parts.about, parts.tensors)];
+        const name = namedBy(title, digestOfParts(parts));
+        const mine = Object.entries(this.agents).filter(([, each]) => each.title === title);
+        const [old] = mine.find(([, each]) => each.knows(read.city)) ?? []; // as it was
+        delete this.agents[old];
+        if (!this.work) this.hangar.forget(old);
         const told = { title, subject: title, given: true, size: read.size, read };
-        this.agents[title] = shelved(told, read.city);
-        this.hangar.forget(title);
+        this.agents[name] = shelved(told, read.city);
+        const renamed = ({ policies }) => policies.map((each) => (each === old ? name : each));
+        this.history = this.history.map((each) => ({ ...each, policies: renamed(each) }));
+        if (k === which) this.learns = name;
       }
-      this.learns = LEARNERS[which];
-      this.extra = {};
+      if (String(this.drawnOnes) !== before) this.extra = {};
       if (this.learner && this.stage.tool === "train") this.does.values.call(this, { step });
     },
     shadow({ cell }) {
@@ -503,7 +522,7 @@ export class Session {
     },
     async open({ file, link }) {
       const notes = [];
-      const stage = await this.long("", () => this.opened(file, link, notes));
+      const stage = this.named(await this.long("", () => this.opened(file, link, notes)));
       const { mission } = this.stage;
       const known = JSON.stringify(mission.asJson()) === JSON.stringify(stage.mission.asJson());
       this.filmed = null; // so that its step is shown, though the flights may be the same
@@ -534,13 +553,15 @@ export class Session {
     }
     if (!/\.safetensors$/i.test(file.name))
       return readFile(new TextDecoder().decode(file.bytes), this.shelf, notes);
+    const read = readAgent(file.bytes);
+    const { digest, size, recipe, city } = read;
+    require(digest, DAMAGED);
     const title = file.name.replace(/\.safetensors$/i, "");
-    const name = this.addAgent(title, file.bytes);
-    const { of, agent } = this.agents[name];
+    const scores = recipe.kind === "ImitationRecipe";
+    const name = this.addAgent({ title, digest, size, scores, read }, city);
     const knows = this.agents[name].knows(this.stage.mission.city);
-    if (!knows && !of)
-      throw new InputError(`this agent flies over cities of at most ${agent.size} cells on a side`);
-    const there = knows ? this.stage : overCity(this.stage, of, this.shelf);
+    require(knows || city, `this agent flies over cities of at most ${size} cells on a side`);
+    const there = knows ? this.stage : overCity(this.stage, city, this.shelf);
     const tool = ["compare", "think"].includes(there.tool) ? there.tool : "compare";
     return CHANGES.policy({ ...there, tool }, { which: 0, name }, this.shelf);
   }

@@ -15,11 +15,17 @@ import {
 } from "./world.js";
 
 const [FORMAT, VERSION] = ["uavdh_lite stage", 1];
+const EXIF = 0x65584966; // the type of a PNG's part: eXIf
 const PAINTS =
   "Black or white: open ground; blue: landing; yellow: tall building; green: low; red: no-fly zone";
 export const TOOLS = ["fly", "compare", "think", "channel", "paint", "train"];
 export const LETTERS = "neswhl"; // of the actions, in their order
 export const YOU = "you";
+const DIGEST = / ([0-9a-f]{16})$/;
+/** The name of an agent that the page has not from the start ends in the digest of its file. */
+export const namedBy = (title, digest) => `${title} ${digest.slice(0, 16)}`;
+const digestIn = (name) => name.match?.(DIGEST)?.[1] ?? name;
+const titleIn = (name) => `${name}`.replace(DIGEST, "");
 const USUAL_LOOKS = { value: false, centred: false }; // ways to look at the map in Think
 
 /**
@@ -36,6 +42,7 @@ const USUAL_LOOKS = { value: false, centred: false }; // ways to look at the map
  * @property {Object<string, import("./world.js").City>} cities by name
  * @property {Object<string, object>} scenarios ranges of the missions, by the city's name
  * @property {(city: object) => string[]} known the names of who can fly over a city, agents first
+ * @property {Object<string, object>} agents by name
  * @property {string[]} tools those that this page can show
  */
 
@@ -57,33 +64,39 @@ function usualPolicies(city, { known }) {
   return [agent === "greedy" ? "random" : agent, "greedy"];
 }
 
+/** Two that fly over a city: those of `policies` that can, and others in place of the rest. */
+export function flying(policies, city, shelf, names = [...shelf.known(city), YOU]) {
+  const usual = usualPolicies(city, shelf);
+  const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
+  return there[0] === there[1] ? usual : there;
+}
+
 /** The same look at another mission; what was flown by hand was flown in the old one. */
 export function withMission(stage, mission, shelf) {
   let { policies } = stage;
-  if (mission.city !== stage.mission.city) {
-    const [usual, before] = [mission.city, stage.mission.city].map((city) =>
-      usualPolicies(city, shelf),
-    );
-    const names = shelf.known(mission.city);
-    policies = policies.map((name, k) =>
-      names.includes(name) && name !== before[k] ? name : usual[k],
-    );
-    if (policies[0] === policies[1]) policies = usual;
+  const { city } = mission;
+  if (city !== stage.mission.city) {
+    const before = usualPolicies(stage.mission.city, shelf);
+    policies = policies.map((name, k) => name !== before[k] && name);
+    policies = flying(policies, city, shelf, shelf.known(city));
   }
   const device = Math.min(stage.device, mission.devices.length - 1);
   return { ...stage, mission, policies, flown: "", step: -1, device };
 }
 
-/** What missions over a city are drawn from; over a painted one, time to cross it twice. */
-export function scenarioOf(city, { cities, scenarios }) {
+/** What missions over a city are drawn from: its agent's; without one, time to cross it twice. */
+export function scenarioOf(city, { cities, scenarios, agents, channel }) {
   const known = Object.values(cities).find((each) => scenarios[each.name] && each.sameAs(city));
   if (known) return scenarios[known.name];
+  const taught = Object.values(agents).find(({ of }) => of?.sameAs(city));
+  if (taught) return taught.agent.scenario;
   const most = Math.min(3, sum(city.openToDevices));
   return {
     name: city.name,
     devices: [1, most],
     data: [5, 20],
     flying_time: [2 * city.size, 4 * city.size],
+    channel,
   };
 }
 
@@ -117,20 +130,22 @@ export function readFile(text, shelf, notes = []) {
     );
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
-  require(values?.format ===
-    FORMAT, "this file holds neither a saved page nor a mission: open one that More → Save made");
+  const known = values?.format === FORMAT;
+  require(known, "this is neither a saved page nor a mission: open one that More → Save made");
   require(values.version === VERSION, `this file is not of version ${VERSION} of the labs`);
   const mission = missionFromJson(values.mission);
-  const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
+  const names = [...shelf.known(mission.city), YOU];
   const fits = (value, least, most) => value >= least && value <= most;
-  const { policies = usual, tool, flown, step, device, looks } = values;
-  const strangers = policies.filter((name) => !names.includes(name));
+  const { tool, flown, step, device, looks } = values;
+  const told = values.policies ?? usualPolicies(mission.city, shelf);
+  const here = (name) => names.find((each) => digestIn(each) === digestIn(name)) ?? name;
+  const policies = told.map(here);
+  const strangers = policies.filter((name) => !names.includes(name)).map(titleIn);
   if (strangers.length)
     notes.push(`${listed(strangers.map((name) => `“${name}”`))} cannot fly here, so others do.`);
-  const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
   return {
     mission,
-    policies: there[0] === there[1] ? usual : there,
+    policies: flying(policies, mission.city, shelf),
     tool: shelf.tools.includes(tool) ? tool : shelf.tools[0],
     flown: /^[neswhl]*$/.test(flown) ? flown : "",
     step: fits(step, 0, mission.flyingTime) ? step : -1,
@@ -164,14 +179,24 @@ export async function textOfLink(link) {
   }
 }
 
+/** The parts of a PNG without the one by which browsers, and not Python, would turn it. */
+function unturned(bytes) {
+  const [parts, view] = [[bytes.subarray(0, 8)], new DataView(bytes.buffer, bytes.byteOffset)];
+  for (let at = 8, next; at + 8 <= bytes.length; at = next) {
+    next = at + 12 + view.getUint32(at);
+    if (view.getUint32(at + 4) !== EXIF) parts.push(bytes.subarray(at, next));
+  }
+  return parts;
+}
+
 /** The city of a picture, a PNG with one pixel a cell, under a name. */
 export async function cityOfPicture(file, name) {
   const exact = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
-  const picture = await createImageBitmap(new Blob([file.bytes]), exact).catch(() => null);
+  const picture = await createImageBitmap(new Blob(unturned(file.bytes)), exact).catch(() => null);
   require(picture, "this is not a readable PNG: open one that Save as PNG made in Paint");
   const { width, height } = picture;
-  require(Math.max(width, height) <=
-    MAX_SIZE, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
+  const fits = Math.max(width, height) <= MAX_SIZE;
+  require(fits, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
   const canvas = new OffscreenCanvas(width, height).getContext("2d");
   canvas.drawImage(picture, 0, 0);
   try {
@@ -197,10 +222,12 @@ const change = (stage, shelf, changes) => withMission(stage, stage.mission.with(
 
 /** What each event makes of a stage: `CHANGES[kind](stage, told, shelf)`; errors say why not. */
 export const CHANGES = {
-  /** Moves a device, or with −1 the start. */
-  move(stage, { device, cell }, shelf) {
+  /** Moves a device, or with −1 the start, to a cell or by some rows and columns. */
+  move(stage, { device, cell, by }, shelf) {
     const { devices, start } = stage.mission;
-    if (String(cell) === String(devices[device] ?? start)) return stage;
+    const here = devices[device] ?? start;
+    cell ??= here.map((axis, k) => axis + by[k]);
+    if (String(cell) === String(here)) return stage;
     if (device < 0) return change(stage, shelf, { start: cell });
     return change(stage, shelf, { devices: put(devices, device, cell) });
   },

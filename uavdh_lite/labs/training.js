@@ -56,10 +56,8 @@ class Replay {
   /** How many transitions can be drawn. */
   count({ replay_capacity, return_steps }) {
     const whole = Math.max(this.filled - return_steps + 1, 0);
-    return (
-      Math.min(whole, Math.ceil(Math.min(replay_capacity, MOST) / this.environments)) *
-      this.environments
-    );
+    const most = Math.ceil(Math.min(replay_capacity, MOST) / this.environments);
+    return Math.min(whole, most) * this.environments;
   }
 
   add(states, actions, rewards, ends) {
@@ -159,12 +157,13 @@ export class Trainer {
     this.turned.push([this.steps, dials]);
   }
 
-  /** Takes the weights of a network that has learned, and ends the run. */
-  take(tensors) {
-    this.online.tensors = tensors;
+  /** Takes what an agent has learned, and stands where its run ended. @returns {Dials} */
+  take({ network, training: { seed, steps, updates } }) {
+    this.online.tensors = network.tensors;
     this.target.follow(this.online, 1);
-    this.steps = this.dials.steps;
+    Object.assign(this, { steps, updates, turned: [], dials: { ...this.dials, steps, seed } });
     this.measure();
+    return this.dials;
   }
 
   get crashReward() {
@@ -215,12 +214,8 @@ export class Trainer {
       environment.transition(state, actions[k], environment.drawFading(state, generator)),
     );
     const rewards = steps.map(({ outcome }) => reward(outcome, prices));
-    this.replay.add(
-      states,
-      actions,
-      rewards,
-      steps.map(({ outcome: { landed, crashed } }) => Number(landed) + 2 * Number(crashed)),
-    );
+    const ends = steps.map(({ outcome }) => Number(outcome.landed) + 2 * Number(outcome.crashed));
+    this.replay.add(states, actions, rewards, ends);
     this.states = steps.map(({ state }) => (ended(state) ? this.start(generator) : state));
     const count = this.replay.count(dials);
     if (count >= Math.max(this.prefill, dials.batch_size)) this.update();
@@ -264,15 +259,11 @@ export class Trainer {
   }
 
   /** One gradient step towards the targets (eq. 7, 8), and one of the target; see ddqn.py. */
-  update(
-    batch = this.replay.sample(this.dials.batch_size, this.dials, this.generator, this.states),
-  ) {
+  update(batch = null) {
     const { dials, online, target, slopes } = this;
-    const goals = this.targets(batch);
-    const [values] = this.valuesOf(
-      [online],
-      batch.map(({ state }) => state),
-    );
+    batch ??= this.replay.sample(dials.batch_size, dials, this.generator, this.states);
+    const [goals, states] = [this.targets(batch), batch.map(({ state }) => state)];
+    const [values] = this.valuesOf([online], states);
     slopes.fill(0);
     let loss = 0;
     batch.forEach(({ action }, row) => {
@@ -292,10 +283,7 @@ export class Trainer {
   targets(batch) {
     const next = batch.map((each) => each.next);
     const { dials, target, online } = this;
-    const [values, choice] = this.valuesOf(
-      dials.double ? [target, online] : [target, target],
-      next,
-    );
+    const [values, choice] = this.valuesOf([target, dials.double ? online : target], next);
     return batch.map(({ reward, discount }, row) => {
       return reward + discount * values[row * ACTIONS.length + best(choice, row)];
     });
@@ -325,17 +313,12 @@ export class Trainer {
     const generator = new Portable(Use.FADING, 0);
     const flights = starts.map((state) => ({ state, return: 0 }));
     for (let left = flights; left.length; left = left.filter(({ state }) => !ended(state))) {
-      const [values] = this.valuesOf(
-        [this.online],
-        left.map(({ state }) => state),
-      );
+      const states = left.map(({ state }) => state);
+      const [values] = this.valuesOf([this.online], states);
       left.forEach((flight, row) => {
         const fading = this.environment.drawFading(flight.state, generator);
-        const { state, outcome } = this.environment.transition(
-          flight.state,
-          best(values, row),
-          fading,
-        );
+        const action = best(values, row);
+        const { state, outcome } = this.environment.transition(flight.state, action, fading);
         Object.assign(flight, { state, return: flight.return + reward(outcome) });
       });
     }

@@ -27,20 +27,20 @@ class Lab:
 
     Arguments:
         tool: one of fly, compare, think, channel, paint and train, to have it alone; None: all.
-        city: the name of a shipped city of at most 16×16 cells.
+        city: the name of a shipped city of at most 16×16 cells; None: the agent's, or manhattan.
         mission: what it begins with; None: a random one over the city.
         agent: an agent that flies, too, or its file. Without one, the page has the DDQN agent where
             there is one for the city; the others would make the notebook many megabytes larger.
         height: of the frame, pixels.
 
-    Raises `InputError` for a tool that there is not, and `CheckpointError` for a file that holds no
-    agent.
+    Raises `InputError` for a tool that there is not and for an agent that cannot fly here, and
+    `CheckpointError` for a file that holds no agent.
     """
 
     def __init__(
         self,
         tool: str | None = None,
-        city: str = "manhattan",
+        city: str | None = None,
         *,
         mission: Mission | None = None,
         agent: Agent | str | Path | None = None,
@@ -50,8 +50,10 @@ class Lab:
             raise InputError(f"tool {tool!r}: choose one of {', '.join(TOOLS)}")
         if agent is not None and not isinstance(agent, Agent):
             agent = load_agent(agent)
-        if mission is None:
-            mission = _mission(agent, city)
+        mission = mission or _mission(agent, city)
+        if agent and not agent.knows((mission.city,)):
+            there = mission.city.name
+            raise InputError(f"this agent was not trained for {there}: a page cannot fly it there")
         agents: dict[str, Agent | str | Path] = {"yours": agent} if agent else {}
         agents |= {name: name for name in agents_for(Environment(mission.city)) if name in LIGHT}
         self.page = page(tool, mission, agents)
@@ -61,8 +63,9 @@ class Lab:
         return FRAME.format(page=html.escape(self.page), height=self.height)
 
 
-def _mission(agent: Agent | None, city: str) -> Mission:
-    """A mission that an agent can fly: over its own city, if there is only one."""
-    if agent is None or len(agent.trained_in) > 1:
-        return Mission.draw(find_scenario(city), load_city(city), 0)
-    return Mission.draw(agent.scenario, agent.trained_in[0], 0)
+def _mission(agent: Agent | None, city: str | None) -> Mission:
+    """A mission over a shipped city, or over that of an agent, if it flies over only one."""
+    if city is None and agent and len(agent.cities) == 1:
+        return Mission.draw(agent.scenario, agent.city, 0)
+    city = city or "manhattan"
+    return Mission.draw(find_scenario(city), load_city(city), 0)
