@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from collections import Counter
 from pathlib import Path
 
 import assignments
@@ -292,7 +293,9 @@ def test_moodle_s_zip_comes_in_and_the_feedback_goes_back(root, capsys, monkeypa
     files = {
         f"{names[0]}_assignsubmission_file_/{ASSIGNMENT}.ipynb": "{}",
         f"{names[1]}_assignsubmission_file_/{ASSIGNMENT}/{ASSIGNMENT}.ipynb": "{}",
-        f"{names[2]}_assignsubmission_file_{'x' * 250}.ipynb": "{}",
+        f"{names[1]}_assignsubmission_file_/first/{ASSIGNMENT}.ipynb": "{}",
+        f"{names[2]}_assignsubmission_file_{'字' * 250}.ipynb": "{}",
+        f"{names[2]}_assignsubmission_file_{names[0]}_assignsubmission_file_x.ipynb": "{}",
         "../../D_104_assignsubmission_file_/../x.ipynb": "{}",
     }
     packed(archive, files | dict.fromkeys(odd, "x" * 51))
@@ -300,8 +303,9 @@ def test_moodle_s_zip_comes_in_and_the_feedback_goes_back(root, capsys, monkeypa
     said = capsys.readouterr().out
     assert "of 3 students" in said
     assert all(f"- {name}" in said for name in (*odd, "../../D_104")), said
-    found = {p.relative_to(root).parts[1] for p in (root / "submitted").rglob("*.ipynb")}
-    assert found == {*names} and not list(root.parent.glob("x.ipynb"))
+    found = [p.relative_to(root).parts[1] for p in (root / "submitted").rglob("*.ipynb")]
+    assert Counter(found) == dict(zip(names, (1, 2, 2), strict=True))
+    assert not list(root.parent.glob("x.ipynb"))
     for who in names:
         page = root / "feedback" / who / FILE
         page.parent.mkdir(parents=True)

@@ -31,7 +31,7 @@ with extra("classroom"):
     from IPython.core.inputtransformer2 import TransformerManager
 
 LARGEST = 200_000_000  # bytes of a file: a notebook's outputs are dropped, but have to be read
-MOODLE = re.compile(r"(?P<who>[^/]+_\d+)_assignsubmission_file_/?(?P<file>.+)")
+MOODLE = re.compile(r"(?P<who>[^/]+?_\d+)_assignsubmission_file_/?(?P<file>.+)")
 CALL = re.compile(r"checks\.(?P<name>\w+)\((?P<answer>\w*)")
 SOLUTION = re.compile(r"checks\b.*\.solution|course\.checks\.|course/checks")
 SHADOWED = re.compile(
@@ -71,8 +71,10 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], li
                     students.append(match["who"])
                     shutil.rmtree(folder, ignore_errors=True)
                     folder.mkdir(parents=True)
-                name = Path(match["file"]).name[-100:]  # file systems have limits
-                (folder / name).write_bytes(content)
+                path = folder / Path(match["file"]).name[-50:]  # file systems have limits
+                while path.exists():  # one from another folder
+                    path = path.with_name(f"_{path.name}")
+                path.write_bytes(content)
     except OSError:
         raise
     except Exception as error:  # whatever a damaged or encrypted zip makes its reader say
