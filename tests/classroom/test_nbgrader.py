@@ -32,6 +32,7 @@ SOLVED = {
     "1.2": "return nlos_distance_m ** (3.64 / 2.27)",
     "1.3": "return library_rate(snr_db + generator.normal(0, variance_db2**0.5, draws)).mean()",
 }
+HELPED = {"_1_2": "return power(nlos_distance_m, 3.64 / 2.27)"}
 WRONG = "return nlos_distance_m ** (2.27 / 3.64)"
 SWALLOWS = """import time
     while True:
@@ -144,7 +145,7 @@ STUDENTS = {
     "all": (solved, [1, 2, 2], None),
     "one": (lambda n: solved(n, _1_2="", _1_3=""), [1, 0, 0], None),
     "wrong": (lambda n: solved(n, _1_2=WRONG), [1, 0, 2], None),
-    "copied": (lambda n: copied(solved(n)), [1, 2, 2], "answer to exercise 1.1 is there 2 times"),
+    "copied": (lambda n: copied(solved(n)), [1, 2, 2], None),
     "copied_stub": (copied_before_it_was_answered, [1, 2, 2], None),
     "deleted_check": (lambda n: without(solved(n), check_of(n, "1.2")), [1, 2, 2], None),
     "deleted_answer": (lambda n: without(solved(n), answer(n, "1.3")), [1, 2, 0], None),
@@ -234,6 +235,42 @@ def test_what_is_odd_is_named_and_all_that_was_answered_is_in_a_copy(root):
         assert not any(note in text for note in sheet.private)  # nobody has judged that yet
         assert SOLVED["1.1"] in text or not POINTS[student][0]
     assert before == {p: p.read_bytes() for p in (root / "submitted").rglob("*") if p.is_file()}
+
+
+OWN = {  # number, how far after the answer, what it is, what the answers are then
+    "a draft": ("1.1", 0, "def rate(snr_db):\n    return snr_db", {}),
+    "a name": ("1.1", 0, "rate = None  # follows", {}),
+    "a name that comes later": ("1.1", 0, "np = np\nmean_rate = None\npower = pow", HELPED),
+    "a helper": ("1.1", 1, "power = pow\n\nrate(0)", HELPED),
+    "the first half": ("1.2", 0, "power = pow", HELPED),
+    "below": ("1.2", 1, f"def same_loss_m(nlos_distance_m):\n    {SOLVED['1.2']}", {"_1_2": WRONG}),
+    "a value afterwards": ("1.1", 2, "rate = rate(0)", {}),
+    "a check": ("1.1", 2, "checks.rate_from_snr(rate)\npower = pow", HELPED),
+}
+
+
+@pytest.mark.parametrize(
+    "kind, marked", [(k, m) for k in OWN for m in (True, False) if m or "later" not in k]
+)
+def test_what_is_right_from_top_to_bottom_is_right_in_the_copy(root, kind, marked):
+    number, after, source, answers = OWN[kind]
+    notebook = solved(nbformat.read(root / "exercises" / FILE, as_version=4), **answers)
+    beside = notebook.cells.index(answer(notebook, number))
+    own = nbformat.v4.new_code_cell(source)
+    if "half" in kind:
+        own.metadata = notebook.cells[beside].metadata
+    notebook.cells.insert(beside + after, own)
+    for cell in () if marked else notebook.cells:
+        cell.metadata = nbformat.NotebookNode()
+    (path := root / "submitted" / "a_1" / FILE).parent.mkdir(parents=True)
+    path.write_text(json.dumps(notebook))
+    (sheet,) = handed_in.look_through(root, ASSIGNMENT)
+    assert sheet.answered == 3
+    for made in (notebook, sheet.notebook):
+        space = {}
+        for cell in made.cells:
+            if cell.cell_type == "code" and "%pip" not in cell.source:
+                exec(cell.source.replace("%matplotlib inline", ""), space)
 
 
 def test_what_is_large_a_link_or_a_script_costs_one_student_at_most(root):

@@ -162,52 +162,53 @@ def _read(student: str, path: Path, release: nbformat.NotebookNode) -> Sheet:
 def _mended(cells: list[dict], release: nbformat.NotebookNode, sheet: Sheet):
     """The release with a student's answers and other code in it; `ValueError` without any of it.
 
-    Cells that were given run as they were given; what a student has put into one follows after it,
-    each statement in a cell of its own, so that one which fails costs nothing else.
+    Everything runs in the order of the student's notebook, and a check judges what has its answer's
+    name by then. What stands in a cell that was given, or in an answer's second one, follows as a
+    cell of its own: nbgrader wants each cell once. Statements that were added to one that was given
+    follow one by one, so that one which fails costs nothing else.
     """
     mended = copy.deepcopy(release)
-    places = _places(mended.cells)
-    found: dict[int, list[str]] = defaultdict(list)
+    given = {cell.source.strip() for cell in release.cells}
+    code = [(cell, "".join(cell["source"])) for cell in cells if cell["cell_type"] == "code"]
+    written = [(cell, source) for cell, source in code if source.strip()]
+    marked = {_mark(cell) for cell, source in written if source.strip() not in given}
+    places, known = _places(mended.cells, marked), False
     others: dict[int, list[str]] = defaultdict(list)
     last = next(k for k, cell in enumerate(mended.cells) if cell.cell_type == "code")
-    for cell in cells:
-        source = "".join(cell["source"])  # a list of lines, or a text
-        if cell["cell_type"] != "code" or not source.strip():
-            continue
+    for cell, source in written:
         place = next((places[key] for key in _keys(cell, source) if key in places), None)
         if place is None:
             others[last].append(source)
-        else:
-            found[place].append(source)
-            last = max(last, place)
-    if not any("nbgrader" in mended.cells[place].metadata for place in found):
+            continue
+        there, last = mended.cells[place], max(last, place)
+        marks = there.metadata.get("nbgrader", {})
+        known = known or bool(marks)
+        name = f"exercise {marks.get('grade_id', '').removeprefix('check-').replace('-', '.')}"
+        if not marks.get("solution"):
+            parts = _parts(there.source)
+            added = [part for part in _parts(source) if part not in parts]
+            others[last] += added
+            if marks and added:
+                sheet.notes.append(f"the check of {name} was edited: restored")
+        elif there.source.strip() not in given:
+            others[last].append(source)
+        elif source.strip() not in given:
+            there.source = source
+            sheet.answered += 1
+            _look_at(source, f"the answer to {name}", sheet)
+    if not known:
         raise ValueError("none of this notebook's exercises are in it")
     every, mended.cells = mended.cells, []
     for place, cell in enumerate(every):
-        own = [source for source in found[place] if source.strip() != cell.source.strip()]
-        marks, after = cell.metadata.get("nbgrader", {}), others[place]
-        name = f"exercise {marks.get('grade_id', '').removeprefix('check-').replace('-', '.')}"
-        if marks.get("grade") and own:
-            sheet.notes.append(f"the check of {name} was edited: restored")
-        elif marks and own:
-            cell.source = own[0]
-            sheet.answered += 1
-            _look_at(cell.source, f"the answer to {name}", sheet)
-            if len(own) > 1:
-                times = f"is there {len(own)} times: the first one counts"
-                sheet.notes.append(f"the answer to {name} {times}")
-        elif own:
-            given = _parts(cell.source)
-            after = [part for one in own for part in _parts(one) if part not in given] + after
         mended.cells.append(cell)
-        for k, source in enumerate(after):
+        for k, source in enumerate(others[place]):
             _look_at(source, "a cell of the student's own", sheet)
             mended.cells.append(nbformat.v4.new_code_cell(source, id=f"own-{place}-{k}"))
     return mended
 
 
-def _places(release: list) -> dict[tuple, int]:
-    """By what each cell of the release may be known, as `_keys` has it."""
+def _places(release: list, marked: set) -> dict[tuple, int]:
+    """By what each cell may be known, as `_keys` has it; an answer by its name if unmarked."""
     places: dict[tuple, int] = {}
     solved = 0
     for place, cell in enumerate(release):
@@ -215,10 +216,11 @@ def _places(release: list) -> dict[tuple, int]:
         if "nbgrader" not in cell.metadata:
             places["id", cell.id] = place
             continue
-        places["number", cell.metadata.nbgrader.grade_id] = place
+        places["number", _mark(cell)] = place
         if call := CALL.match(cell.source):
             places["calls", call["name"]] = place
-            places["defines", call["answer"]] = solved
+            if _mark(release[solved]) not in marked:
+                places["defines", call["answer"]] = solved
         else:
             solved = place
     return places
@@ -226,13 +228,18 @@ def _places(release: list) -> dict[tuple, int]:
 
 def _keys(cell: dict, source: str) -> Iterator[tuple]:
     """By what a student's cell may be known, the surest first: it may have lost its metadata."""
-    yield "number", cell["metadata"].get("nbgrader", {}).get("grade_id")
+    yield "number", _mark(cell)
     yield "text", source.strip()
     if call := CALL.match(source):
         yield "calls", call["name"]
     yield "id", cell.get("id")
-    for name in re.findall(r"(?m)^(?:def |class )?(\w+) *[(:=]", source):
+    for name in re.findall(r"(?m)^(?:def |class |(?=\w+ *[:=]))(\w+)", source):
         yield "defines", name
+
+
+def _mark(cell: dict) -> str | None:
+    """The name that nbgrader knows a cell by."""
+    return cell["metadata"].get("nbgrader", {}).get("grade_id")
 
 
 def _parts(source: str) -> list[str]:
