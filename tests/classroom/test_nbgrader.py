@@ -273,6 +273,24 @@ def test_what_is_right_from_top_to_bottom_is_right_in_the_copy(root, kind, marke
                 exec(cell.source.replace("%matplotlib inline", ""), space)
 
 
+def test_only_what_is_there_for_this_assignment_is_graded(root):
+    """A better sheet in another assignment's zip, one that was taken back, names that are globs."""
+    whole = json.dumps(solved(nbformat.read(root / "exercises" / FILE, as_version=4)))
+    blank = (root / "exercises" / FILE).read_text()
+    every = {f"{who}/{FILE}": whole for who in ("[x]*_4", ".y_6", "z_7")}
+    every |= {f"late_5/{FILE}": blank, f"late_5/{OTHER.stem}/{ASSIGNMENT}.ipynb": whole}
+    for name, text in every.items():
+        (path := root / "submitted" / name).parent.mkdir(parents=True)
+        path.write_text(text)
+    for left in ({"late_5": 0, "-x--_4": 3, "-y_6": 3, "z_7": 3}, {"late_5": 0, "-x--_4": 3}):
+        sheets = handed_in.look_through(root, ASSIGNMENT)
+        assert {sheet.student: sheet.answered for sheet in sheets} == left
+        assert {p.parts[-3] for p in (root / "checked").glob(f"*/{FILE}")} == {*left}
+        assert any("folder [x]*_4" in said for sheet in sheets for said in sheet.private)
+        for gone in (".y_6", "z_7"):
+            shutil.rmtree(root / "submitted" / gone, ignore_errors=True)
+
+
 def test_what_is_large_a_link_or_a_script_costs_one_student_at_most(root):
     """Outputs of 6 MB, 4,000 cells, a link to another's work, a folder, a name that is a script."""
     blank = root / "exercises" / FILE
@@ -412,6 +430,7 @@ def in_grade_book(root, points):
                 book.add_student(who)
                 book.add_submission(ASSIGNMENT, who)
             book.find_grade("check", "one", ASSIGNMENT, who).auto_score = own
+            (root / "checked" / who / ASSIGNMENT).mkdir(parents=True)
         book.db.commit()
 
 
@@ -424,7 +443,8 @@ def test_moodle_s_worksheet_is_filled_in_with_the_points(root, capsys):
     command = ("marks", ASSIGNMENT, sheet, filled)
     assert classroom(root, *command) == 2
     assert "run nbgrader autograde first" in capsys.readouterr().err
-    in_grade_book(root, {"Änne Müller_101": 5, "B_102": 2, "Gone_104": 1})
+    in_grade_book(root, {"Änne Müller_101": 5, "B_102": 2, "Gone_104": 1, "Taken back_102": 3})
+    shutil.rmtree(root / "checked" / "Taken back_102")
     for grade, most, given, code, mark in (
         ("Grade", "5.00", ["5.00", "2.00"], "utf-8", ","),
         ("X", "1,00", ["1,00", "0,40"], "cp1252", ";"),

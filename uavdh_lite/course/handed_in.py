@@ -32,6 +32,7 @@ with extra("classroom"):
 
 LARGEST = 200_000_000  # bytes of a file: a notebook's outputs are dropped, but have to be read
 MOODLE = re.compile(r"(?P<who>[^/]+?_\d+)_assignsubmission_file_/?(?P<file>.+)")
+UNFIT = re.compile(r"^\.|[][*?]")  # what nbgrader would not find
 CALL = re.compile(r"checks\.(?P<name>\w+)\((?P<answer>\w*)")
 SOLUTION = re.compile(r"checks\b.*\.solution|course\.checks\.|course/checks")
 SHADOWED = re.compile(
@@ -107,6 +108,9 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
     if not sheets:
         raise InputError(f"{course / 'submitted'}: nobody has handed in {assignment}")
     for sheet in sheets:
+        if (known := UNFIT.sub("-", sheet.student)) != sheet.student:
+            sheet.private.append(f"the folder {sheet.student}: nbgrader would not find that name")
+            sheet.student = known
         graded = sheet.notebook or copy.deepcopy(empty)
         if sheet.notes:
             said = html.escape("\n".join(map(one_line, sheet.notes)))
@@ -119,13 +123,16 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
             write_atomically(path, partial(Path.write_bytes, data=content))
             stamp = f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
             path.with_name("timestamp.txt").write_text(stamp)  # nbgrader grades what is newer
+    for folder in (course / "checked").glob(f"*/{assignment}"):
+        if folder.parts[-2] not in [sheet.student for sheet in sheets]:  # it was taken back
+            shutil.rmtree(folder)
     return sheets
 
 
 def _sheet(student: Path, assignment: str, release: nbformat.NotebookNode) -> Sheet | None:
     """What a student handed in for an assignment; of several notebooks the one answered most."""
     inside = (path.relative_to(student) for path in sorted(student.rglob("*")))
-    files = [path for path in inside if assignment in str(path) and path.name != assignment]
+    files = [path for path in inside if assignment in path.parts[0] and path.name != assignment]
     files = [path for path in files if "/." not in f"/{path.as_posix()}"]
     if not files:
         return None
@@ -270,7 +277,7 @@ def fill_in(
     Returns the number of rows that are filled, and the students who have none. Raises `InputError`
     if the worksheet is none, and as `_shares` does.
     """
-    shares = _shares(course / "gradebook.db", assignment)
+    shares = _shares(course, assignment)
     content, count = worksheet.read_bytes(), len(shares)
     try:
         text, code = _decoded(content)
@@ -294,8 +301,10 @@ def fill_in(
     return count - len(shares), sorted(student for student, _ in shares.values())
 
 
-def _shares(grades: Path, assignment: str) -> dict[str, tuple[str, float]]:
+def _shares(course: Path, assignment: str) -> dict[str, tuple[str, float]]:
     """Each student and the share of all points, by the number at the end of the student's name.
+
+    The grade book keeps a sheet that was taken back, `checked/` does not.
 
     Raises `InputError` if nothing has been graded, if grading was stopped at a student, if
     somebody has more points than there are, or if two students have one number.
@@ -304,11 +313,14 @@ def _shares(grades: Path, assignment: str) -> dict[str, tuple[str, float]]:
         from nbgrader.api import Gradebook
 
     shares: dict[str, tuple[str, float]] = {}
+    grades = course / "gradebook.db"
     if not grades.is_file():
         raise InputError(f"{grades}: not there: run nbgrader autograde first")
     with Gradebook(f"sqlite:///{grades}", "uavdh_lite") as book:
         for one in book.assignment_submissions(assignment):
             student, points, most = one.student.id, one.score, one.max_score
+            if not (course / "checked" / student / assignment).is_dir():
+                continue
             again = f'nbgrader autograde --force --student="{student}" {assignment}'
             if None in [grade.auto_score for part in one.notebooks for grade in part.grades]:
                 raise InputError(f"{grades}: grading was stopped at {student}: run {again}")
