@@ -435,6 +435,7 @@ def in_grade_book(root, points):
 
 
 HEADER = "Identifier,Full name,Grade,Maximum Grade,Feedback comments\n"
+ELSEWHERE = "Row,Identifier,Grade,Attempts,Maximum Grade,Full name\n"
 
 
 @pytest.mark.filterwarnings("ignore:Object of type")  # nbgrader's own
@@ -445,21 +446,33 @@ def test_moodle_s_worksheet_is_filled_in_with_the_points(root, capsys):
     assert "run nbgrader autograde first" in capsys.readouterr().err
     in_grade_book(root, {"Änne Müller_101": 5, "B_102": 2, "Gone_104": 1, "Taken back_102": 3})
     shutil.rmtree(root / "checked" / "Taken back_102")
-    for grade, most, given, code, mark in (
-        ("Grade", "5.00", ["5.00", "2.00"], "utf-8", ","),
-        ("X", "1,00", ["1,00", "0,40"], "cp1252", ";"),
-        ("X", "1.00", ["1.00", "0.40"], "utf-16", "\t"),
+    for header, most, given, code, mark in (
+        (HEADER, "5.00", ["5.00", "2.00"], "utf-8", ","),
+        (ELSEWHERE, "5.00", ["5.00", "2.00"], "utf-8", ","),
+        ("Kennung,Full name,X,Bestwert", "1,00", ["1,00", "0,40"], "cp1252", ";"),
+        (HEADER.replace("Grade", "X", 1), "1.00", ["1.00", "0.40"], "utf-16", "\t"),
     ):
-        rows = [HEADER.replace("Grade", grade, 1).strip().split(",")]
-        rows += [[f"Participant {n}", "M, Ä", "", most] for n in (101, 102, 103)]
+        names, grade = header.strip().split(","), "X" if "X" in header else "Grade"
+        rows = [[*names]]
+        for n in (101, 102, 103):
+            row = {
+                "Full name": "M, Ä",
+                "Maximum Grade": most,
+                "Bestwert": most,
+                "Row": f"{204 - n}",
+            }
+            row |= {"Identifier": f"Participant {n}", "Kennung": f"Teilnehmer {n}"}
+            rows.append([row.get(name, "") for name in names])
         csv.writer(out := io.StringIO(), delimiter=mark).writerows(rows)
         sheet.write_bytes(out.getvalue().encode("utf-8-sig" if code == "utf-8" else code))
         assert classroom(root, *command, "--column", grade) == 0
         found = list(csv.reader(filled.read_text(code).splitlines(), delimiter=mark))
-        assert [row[2] for row in found[1:]] == [*given, ""] and found[1][1] == "M, Ä"
+        assert [row[names.index(grade)] for row in found[1:]] == [*given, ""]
+        assert found[1][names.index("Full name")] == "M, Ä"
         assert f"- Gone_104 is not in {sheet}\n{filled}: 2 grades" in capsys.readouterr().out
     bad = [f"{HEADER}Participant 101,A,,{most},\n" for most in ("a scale", "nan", "0", "inf")]
-    for text in (HEADER.replace("Grade", "Note"), *bad, "", "\0"):
+    other = [HEADER.replace(name, "Note") for name in ("Identifier", "Grade", "Maximum Grade")]
+    for text in (*other, *bad, "", "\0"):
         sheet.write_text(text)
         assert classroom(root, *command) == 2
         assert f"{sheet}: no grading worksheet with Grade" in capsys.readouterr().err

@@ -271,8 +271,9 @@ def fill_in(
 ) -> tuple[int, list[str]]:
     """Write the points that nbgrader has given into Moodle's grading worksheet.
 
-    A row belongs to the student whose name ends with the number of its first column. Points are
-    scaled to the maximum, which stands in the column after the grade's.
+    A row belongs to the student whose name ends with the number of its Identifier. Points are
+    scaled to the Maximum Grade. In another language these are the first column and the one after
+    the grade's, as Moodle has them.
 
     Returns the number of rows that are filled, and the students who have none. Raises `InputError`
     if the worksheet is none, and as `_shares` does.
@@ -283,13 +284,15 @@ def fill_in(
         text, code = _decoded(content)
         mark = max(",;\t", key=text.partition("\n")[0].count)
         header, *rows = csv.reader(io.StringIO(text), delimiter=mark)
-        place = header.index(column, 1)
+        place, names = header.index(column), ("Identifier", "Maximum Grade")
+        english = column == "Grade" or {*names} & {*header}
+        who, scale = map(header.index, names) if english else (0, place + 1)
         for row in filter(None, rows):
-            number = row[0][len(row[0].rstrip("0123456789")) :]
+            number = row[who][len(row[who].rstrip("0123456789")) :]
             if number in shares:
-                most = row[place + 1]
+                most = row[scale]
                 if not 0 < float(most.replace(",", ".")) < 1e6:
-                    raise ValueError(f"the maximum of {row[0]} is {most}")
+                    raise ValueError(f"the maximum of {row[who]} is {most}")
                 grade = f"{shares.pop(number)[1] * float(most.replace(',', '.')):.2f}"
                 row[place] = grade.replace(".", ",") if "," in most else grade
     except (ValueError, IndexError, csv.Error) as error:
