@@ -5,6 +5,8 @@ agents that no notebook uses are left out. It holds no solutions.
 """
 
 import argparse
+import json
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +18,7 @@ ROOT = Path(__file__).parents[1]
 UNUSED = ["harbour", "metropolis"]  # agents that no notebook of the course flies
 LARGEST = 12_000_000  # bytes: what a class can fetch at once
 FILES = ("uavdh_lite", "pyproject.toml", "README.md", "LICENSE")  # of the wheel
+ANSWER = re.compile("### BEGIN SOLUTION.*?### END SOLUTION", re.DOTALL)
 SHEETS = (
     "notebooks/[0-9][0-9]_*.ipynb",
     "notebooks/exercises/*/*.ipynb",
@@ -24,12 +27,29 @@ SHEETS = (
 
 
 def copy_sheets(out: Path) -> None:
-    """Copy what students read and fill in."""
+    """Copy what students read and fill in; `SystemExit` if somebody has written in an exercise."""
     for source in (path for pattern in SHEETS for path in ROOT.glob(pattern)):
+        if source.parts[-3] == "exercises" and _cells(source) != _without_answers(source):
+            said = "this is not its solution without the answers. Has somebody filled it in?"
+            sys.exit(f"{source}: {said} Put back the one of the project, or run execute.py")
         target = out / source.relative_to(ROOT)
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(source, target)
     shutil.copy(ROOT / "docs" / "how_to" / "install.md", out)
+
+
+def _cells(notebook: Path) -> list[tuple[str, str]]:
+    """Each cell's text and nbgrader's name for it; none if there is no such file."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"] if notebook.is_file() else []
+    marks = [cell["metadata"].get("nbgrader", {}).get("grade_id", "") for cell in cells]
+    return [("".join(cell["source"]), mark) for cell, mark in zip(cells, marks, strict=True)]
+
+
+def _without_answers(exercise: Path) -> list[tuple[str, str]]:
+    """The cells of its solution, as nbgrader makes them for students."""
+    cells = _cells(ROOT / "notebooks" / "solutions" / exercise.parent.name / exercise.name)
+    stubs = [f'raise NotImplementedError("exercise {m.replace("-", ".")}")' for _, m in cells]
+    return [(ANSWER.sub(stub, text), m) for stub, (text, m) in zip(stubs, cells, strict=True)]
 
 
 def main() -> int:

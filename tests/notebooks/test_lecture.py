@@ -2,6 +2,7 @@
 
 import base64
 import re
+import shutil
 import sys
 import tomllib
 import zipfile
@@ -122,6 +123,28 @@ def test_the_handout_holds_the_notebooks_and_a_small_wheel(tmp_path, monkeypatch
     handed = [path.read_text() for path in tmp_path.rglob("*") if path.suffix in (".ipynb", ".md")]
     text = "\n".join(sources + [part.replace("\\n", "\n").replace('\\"', '"') for part in handed])
     assert not [one for one in secrets() if one in _plain(text)]
+
+
+@pytest.mark.parametrize(
+    "copy",
+    [
+        lambda text, path: path.write_text(text.replace("raise N", "return 1\\n    raise N", 1)),
+        lambda text, path: path.with_stem("mine").write_text(text),
+        lambda text, path: shutil.copy(str(path).replace("exercises", "solutions"), path),
+    ],
+)
+def test_an_exercise_in_which_somebody_has_written_is_not_handed_out(tmp_path, monkeypatch, copy):
+    stem, own = "01_city_and_channel", tmp_path / "own"
+    for name in (f"exercises/{stem}", f"solutions/{stem}"):
+        shutil.copytree(handout.ROOT / "notebooks" / name, own / "notebooks" / name)
+    (own / "docs" / "how_to").mkdir(parents=True)
+    (own / "docs" / "how_to" / "install.md").touch()
+    monkeypatch.setattr(handout, "ROOT", own)
+    handout.copy_sheets(tmp_path)
+    path = own / "notebooks" / "exercises" / stem / f"{stem}.ipynb"
+    copy(path.read_text(), path)
+    with pytest.raises(SystemExit, match="Has somebody filled it in"):
+        handout.copy_sheets(tmp_path)
 
 
 def _is_text(name):
