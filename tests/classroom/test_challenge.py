@@ -42,6 +42,7 @@ from uavdh_lite.planners import Greedy
 
 def policy(environment, state):
     print("what a policy prints does no harm")
+    assert not state.ended.any()
     return Greedy(environment).act(state)
 """
 BAD = {
@@ -199,6 +200,9 @@ def test_the_commands(tmp_path, capsys, submit):
     assert main(command.split()) == 0 and "greedy: replaces the score" in capsys.readouterr().out
     assert main(f"challenge show {board}".split()) == 0
     assert "| 1 |" in capsys.readouterr().out
+    both = [str(Path(submit("", f"carol/{name}/policy.py")).parent) for name in ("", "carol")]
+    assert main(["challenge", "score", *both]) == 2
+    assert "carol: is there twice" in capsys.readouterr().err
 
 
 DAMAGED = {

@@ -48,12 +48,17 @@ def test_answers_are_those_worked_out_by_hand():
     late = fixed("forgets the landing", d=5, spare=1)
     assert "6 units of time" in late.ask and "only a move towards home fits" in late.key
     assert "≤ 6 [2]" in late.key
+    three = fixed("Student's factor", scores=[60.0, 66.0, 75.0])
+    numbers = re.search(r"± (\S+) · (\S+) / √3 = \S+ ± (\S+)", three.key).groups()
+    factor, deviation, half = map(float, numbers)
+    assert f"{factor * deviation / 3**0.5:.1f}" == f"{half}" and f" {factor}. (a)" in three.ask
 
 
 def test_sheet_and_key_are_written_and_another_seed_asks_something_else(tmp_path, capsys):
     assert main(["classroom", "exam", str(tmp_path), "--seed", "7"]) == 0
     sheet, key = (path.read_text() for path in write_exam(tmp_path, 7))
-    assert capsys.readouterr().out.count("exam-7-") == 2
+    assert capsys.readouterr().out.count("exam-7-12-") == 2
+    assert not {*write_exam(tmp_path, 7)} & {*write_exam(tmp_path, 7, 40)}
     assert sheet.count("<li>") == key.count("<li>") == 12 and "[1]" in key and "[1]" not in sheet
     asked = draw_exam(7)
     assert asked == draw_exam(7) != draw_exam(8) and len({one.notebook for one in asked}) == 10

@@ -62,8 +62,9 @@ def score(
         raise InputError("--scenario is that of the practice set: --secret has its own")
     flown = Challenge.load(secret) if secret else Challenge(scenario or "manhattan")
     every = (submission, *submissions)
-    for one in every:  # all are looked at before the first flies
-        entry_name(one)
+    names = [entry_name(one) for one in every]  # all are looked at before the first flies
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"{twice[0]}: is there twice, and one would replace the other: rename it")
     if not (secret or unprotected):  # for practice, on a student's own machine
         try:
             program()

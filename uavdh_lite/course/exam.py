@@ -91,7 +91,7 @@ def write_exam(folder: Path, seed: int, count: int = 12) -> list[Path]:
         title = f"Exam {seed}, {name}: {count} questions, {total} points, {1.5 * total:.0f} minutes"
         page = f"<!doctype html><meta charset=utf-8><title>{title}</title><style>{STYLE}</style>"
         page += f"<h1>{title}</h1><p>A pocket calculator is allowed.<ol>{items}</ol>"
-        path = folder / f"exam-{seed}-{name}.html"
+        path = folder / f"exam-{seed}-{count}-{name}.html"
         write_atomically(path, partial(Path.write_text, data=page, encoding="utf-8"))
         written.append(path)
     return written

@@ -187,8 +187,9 @@ def _policy(place: str, scenario: str) -> Callable:
     """`actions(state)` of a planner, an agent, a checkpoint, or a file or folder of a student's."""
     from uavdh_lite.checkpoint import load_agent
     from uavdh_lite.city import load_city
-    from uavdh_lite.environment import Environment, checked_actions
+    from uavdh_lite.environment import Environment
     from uavdh_lite.errors import InputError
+    from uavdh_lite.evaluation import FunctionPolicy
     from uavdh_lite.policies import find_policy, known_policies
     from uavdh_lite.scenario import find_scenario
 
@@ -200,7 +201,7 @@ def _policy(place: str, scenario: str) -> Callable:
         function = runpy.run_path(str(file)).get("policy")
         if not callable(function):
             raise InputError(f"{file.name} has no function policy(environment, state)")
-        return lambda state: checked_actions(function(environment, state), len(state))
+        return FunctionPolicy(partial(function, environment)).act
     known = place in known_policies()
     policy = (
         find_policy(place, environment) if known else load_agent(place).over(environment.cities)
