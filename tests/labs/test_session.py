@@ -496,11 +496,14 @@ def test_an_agent_over_another_channel_than_the_pages_is_refused(opened, tmp_pat
         data({"usual": agent, "quiet": load_agent(file)})
 
 
-def test_an_agents_city_is_known_by_its_cells_and_a_lab_flies_there():
+def test_an_agents_city_is_known_by_its_cells_and_a_lab_flies_there_alone():
     agent = load_agent("manhattan_ddqn")
     renamed = replace(agent, trained_in=(replace(agent.city, name="mine"),))
     assert data({"it": renamed})["agents"][0]["city"] == "manhattan"
-    assert '"version":1,"city":{"name":"mine"' in Lab(city="village", agent=renamed).page
+    for city in (None, "manhattan"):
+        assert '"version":1,"city":{"name":"manhattan"' in Lab(city=city, agent=renamed).page
+    with pytest.raises(InputError, match="not trained for village"):
+        Lab(city="village", agent=renamed)
 
 
 WRONG = [

@@ -82,10 +82,8 @@ export const CHANNEL_TOOL = {
     stage.find(".ray")?.classList.toggle("blocked", hidden);
     const instead = hidden ? `, ${units(panel.free[number])} without buildings` : ", in sight";
     const there = KINDS[film.city[row][col]]?.name.split(":")[0] ?? "open ground";
-    stage.fill(
-      ".sentence",
-      `${units(panel.rate[number])} units a slot${instead} <small>over row ${row}, column ${col}, ${there}</small>`,
-    );
+    const where = `<small>over row ${row}, column ${col}, ${there}</small>`;
+    stage.fill(".sentence", `${units(panel.rate[number])} units a slot${instead} ${where}`);
     const entry = ([name, value]) => `<tr><th scope="row">${name}</th><td>${value} dB</td></tr>`;
     const [start, loss] = [panel.transmit, panel.pathLoss[number]];
     const lines = [

@@ -110,9 +110,8 @@ export const COMPARE = {
     const ways = film.flights.map(({ path }, k) => way(path, k));
     const [row, col] = film.flights[0].path[part ?? 0];
     const ring = part === null ? "" : `<circle class="parting" cx="${col}" cy="${row}" r=".62"/>`;
-    const heard = COLOURS.map(
-      (colour, k) => `<path class="heard of-${k}" style="--colour: ${colour}"/>`,
-    );
+    const line = (colour, k) => `<path class="heard of-${k}" style="--colour: ${colour}"/>`;
+    const heard = COLOURS.map(line);
     const second = `<g class="uav second" style="--colour: ${COLOURS[1]}"><g transform="scale(${scale})">${UAV}</g></g>`;
     return `${ways.join("")}${ring}${heard.join("")}${second}`;
   },

@@ -25,13 +25,11 @@ export const WORDS = {
 export const NETWORKS = ["DDQN agent", "imitation agent", "any-city agent"]; // of those words
 export const button = (name, about, more = "") =>
   `<button type="button" data-ask="${escaped(JSON.stringify(about))}" ${more}>${name}</button>`;
-export const options = (pairs, chosen) =>
-  pairs
-    .map(
-      ([value, name]) =>
-        `<option value="${escaped(String(value))}" ${value === chosen ? "selected" : ""}>${escaped(name)}</option>`,
-    )
-    .join("");
+export function options(pairs, chosen) {
+  const option = ([value, name]) =>
+    `<option value="${escaped(`${value}`)}" ${value === chosen ? "selected" : ""}>${escaped(name)}</option>`;
+  return pairs.map(option).join("");
+}
 /** A list with its label, or with a line in its colour in place of one. */
 export function chooser(label, name, pairs, chosen, colour = null) {
   const key = colour ? `<i class="key" style="--colour: ${colour}"></i>` : label;

@@ -353,10 +353,8 @@ export function viewsOf(map, width, recipe) {
   const { pooling, local_size: most } = recipe;
   if (!pooling) return [wholeFrame(map, width, recipe, 1)];
   const local = Math.min(most, width);
-  return [
-    averagePool(...wholeFrame(map, width, recipe, pooling), pooling),
-    wholeFrame(middle(map, width, local), local, recipe, 1),
-  ];
+  const all = averagePool(...wholeFrame(map, width, recipe, pooling), pooling);
+  return [all, wholeFrame(middle(map, width, local), local, recipe, 1)];
 }
 
 /** Cells as outside the city, south and east, so that no layer leaves any out; network.py. */

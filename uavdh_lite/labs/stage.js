@@ -260,9 +260,8 @@ export function draw(el, model) {
   function heldFocus() {
     const focused = el.contains(document.activeElement) ? document.activeElement : null;
     if (!focused) return () => {};
-    const places = Object.entries(focused.dataset).map(
-      ([name, value]) => `[data-${name}="${CSS.escape(value)}"]`,
-    );
+    const attribute = ([name, value]) => `[data-${name}="${CSS.escape(value)}"]`;
+    const places = Object.entries(focused.dataset).map(attribute);
     const where = focused.closest("svg") ? "svg " : focused.closest(".side") ? ".side " : "";
     const own = focused.classList[0] ? `.${focused.classList[0]}` : "#panel";
     const same = focused.matches(".map svg") ? ".map svg" : where + (places.join("") || own);

@@ -282,9 +282,8 @@ function graph(name) {
   const height = (value) => 100 - (100 * (Math.max(value, low) - low)) / (high - low);
   const line = ({ points }, kind) => {
     const known = points.filter((point) => of(point) !== null);
-    const places = known.map(
-      (point) => `${((200 * point.steps) / steps).toFixed(1)} ${height(of(point)).toFixed(1)}`,
-    );
+    const numbers = known.map((point) => [(200 * point.steps) / steps, height(of(point))]);
+    const places = numbers.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`);
     return `<path class="curve ${kind}" d="${places.length ? `M${places.join("L")}` : ""}"/>`;
   };
   const value = ({ points }, number) => {
