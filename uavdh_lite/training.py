@@ -227,34 +227,17 @@ class Trainer:
 
     @property
     def is_best(self) -> bool:
-        """Whether the agent as it is now has just been judged, and is the best so far.
+        """Whether the agent as it is now has just been judged, and is the best so far."""
+        return self.steps == self.best_steps
+
+    @property
+    def best_steps(self) -> int | None:
+        """After how many steps the agent was the best so far; None if none was judged yet.
 
         Of equal ones the first counts. A run too short to judge any keeps the last.
         """
-        judged = self._judged()
-        if not judged:
-            return self.finished
-        *before, (steps, score) = judged
-        return steps == self.steps and score > max((s for _, s in before), default=-np.inf)
-
-    def _judged(self) -> list[tuple[int, float]]:
-        """The steps of each agent that was judged, and its score; see `Recipe.kept_by`.
-
-        In test flights it is their mean over whole rows of the learning curve, as few of the last
-        ones as have `TEST_FLIGHTS`.
-        """
-        if self.recipe.kept_by == "validation":
-            return [(row["steps"], row["return"]) for row in self.validation_rows]
-        rows, judged = self.training_rows, []
-        flights = np.array([row["greedy_flights"] for row in rows])
-        score = np.array([row["greedy_collected_and_landed"] or 0.0 for row in rows])
-        for end in range(1, len(rows) + 1):
-            enough = np.flatnonzero(flights[:end][::-1].cumsum() >= TEST_FLIGHTS)
-            if len(enough):
-                last = slice(end - 1 - enough[0], end)
-                mean = np.average(score[last], weights=flights[last])
-                judged.append((rows[end - 1]["steps"], float(mean)))
-        return judged
+        scores = judged(self.recipe, self.training_rows, self.validation_rows)
+        return max(scores, key=scores.get, default=self.steps if self.finished else None)
 
     @property
     def progress(self) -> dict:
@@ -318,6 +301,26 @@ class Trainer:
         first, second = values["generators"]
         self.generator.bit_generator.state = first
         self.greedy_generator.bit_generator.state = second
+
+
+def judged(recipe: Recipe, training: list[dict], validation: list[dict]) -> dict[int, float]:
+    """The score of each agent of a run that was judged, by its steps; see `Recipe.kept_by`.
+
+    In test flights it is their mean over whole rows of the learning curve, as few of the last ones
+    as have `TEST_FLIGHTS`. The rows are those of the run's two tables.
+    """
+    if recipe.kept_by == "validation":
+        return {row["steps"]: row["return"] for row in validation}
+    flights = np.array([row["greedy_flights"] for row in training])
+    score = np.array([row["greedy_collected_and_landed"] or 0.0 for row in training])
+    scores = {}
+    for end in range(1, len(training) + 1):
+        enough = np.flatnonzero(flights[:end][::-1].cumsum() >= TEST_FLIGHTS)
+        if len(enough):
+            last = slice(end - 1 - enough[0], end)
+            mean = np.average(score[last], weights=flights[last])
+            scores[training[end - 1]["steps"]] = float(mean)
+    return scores
 
 
 def trainer_of(recipe: Recipe) -> type[Trainer]:

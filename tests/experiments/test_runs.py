@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from uavdh_lite.checkpoint import load, load_agent, save
+from uavdh_lite.checkpoint import load, load_agent, save, save_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, restore_run, save_run, train
@@ -104,6 +104,14 @@ def test_a_folder_with_a_run_or_a_part_of_one_is_refused_and_nothing_there_chang
     with pytest.raises(InputError, match="holds a run already"):
         train(begin(), tmp_path)
     assert content(tmp_path) == before
+    best, own = tmp_path / "best.safetensors", load_agent(tmp_path / "best.safetensors")
+    for training in ({"seed": 4}, {"steps": 10}, None):
+        best.unlink()
+        if training:
+            save_agent(best, replace(own, training=own.training | training))
+        with pytest.raises(InputError, match=r"best\.safetensors: not the best agent of this run"):
+            train(begin(), tmp_path, resume=True)
+    save_agent(best, own)
     (tmp_path / SAVED).unlink()
     with pytest.raises(InputError, match=f"holds a run without its {SAVED}"):
         train(begin(), tmp_path, resume=True)

@@ -129,7 +129,8 @@ def test_validations_come_when_they_are_due_and_tell_which_agent_is_best(trainer
     means = {name: values.mean() for name, values in flights.records().items()}
     assert means.items() <= own.validation_rows[-1].items()
     for returns, best in (([1], True), ([1, 2], True), ([1, 2, 2], False), ([2, 1], False)):
-        own.validation_rows = [{"return": each, "steps": own.steps} for each in returns]
+        rows = enumerate(returns, own.steps + 1 - len(returns))
+        own.validation_rows = [{"return": each, "steps": steps} for steps, each in rows]
         assert own.is_best == best
     own.steps += 1
     own.validation_rows.append({"return": 3, "steps": own.steps - 1})

@@ -54,12 +54,13 @@ def train(
         stop: asked before each step; a run for which it is true stops as by Ctrl-C.
 
     Raises `InputError` if the folder holds a study, if it holds a run and `resume` is False, or
-    another one, or only a part of one, and it is True, or if another process is training there;
+    another one, its agent, or only a part of one, and it is True, or if another process is training
+    there;
     `MissingExtra` if TensorBoard is asked for and not installed; `TrainingDiverged` if the loss or
     a weight is no longer finite, with the files as they were when they were last written.
     """
     out, saved, recipe = Path(out), Path(out) / SAVED, trainer.recipe
-    _require_whole(out, resume)
+    require_whole(out, resume)
     keep_freed_memory()
     end = min(recipe.steps, stop_after or recipe.steps)
     with locked(out):
@@ -67,6 +68,8 @@ def train(
             path.unlink()
         if saved.exists():
             restore_run(saved, trainer)
+            run = identity(trainer) | {"steps": trainer.steps}
+            require_own(out / "best.safetensors", run, {trainer.best_steps})
         board = Board(out / "tensorboard", trainer) if tensorboard else None
         if not saved.exists():
             save_run(saved, trainer)
@@ -96,7 +99,7 @@ def train(
     return out / "best.safetensors"
 
 
-def _require_whole(out: Path, resume: bool) -> None:
+def require_whole(out: Path, resume: bool) -> None:
     """Refuse a folder that holds a run which is not to be continued, or only a part of one."""
     if (out / STUDY[0]).exists():
         raise InputError(f"{out}: holds a study; choose another folder")
@@ -171,6 +174,26 @@ def restore_run(path: Path, trainer: Trainer) -> None:
             f"{path}: altered, or saved by another version of the program ({error!r}); "
             "continue it with the version that saved it, or start again in another folder"
         ) from None
+
+
+def require_own(best: Path, run: dict, after: set[int | None]) -> None:
+    """Raise `InputError` unless a run's best agent is there, if it has one, and not another's.
+
+    One of more steps than the run is its own: killed before it was saved, it makes that one again.
+
+    Arguments:
+        run: its `identity`, and its `steps`.
+        after: the steps after which its agent was the best; None for a run that has none yet.
+    """
+    if after == {None} and not best.exists():
+        return
+    kept = load(best, "agent")[1] if best.exists() else {}
+    kept |= kept.get("training", {})
+    same = all(kept.get(name) == run[name] for name in ("recipe", "scenario", "seed"))
+    if not same or (kept["steps"] <= run["steps"] and kept["steps"] not in after):
+        raise InputError(
+            f"{best}: not the best agent of this run: put that back, or choose another folder"
+        )
 
 
 def identity(trainer: Trainer) -> dict:
