@@ -24,11 +24,6 @@ class Channel:
     def __post_init__(self):
         require(self, "channel")
 
-    def differences(self, other: "Channel") -> str:
-        """Which constants another channel has otherwise, in words; empty if it is equal."""
-        there, here = vars(self), vars(other)
-        return ", ".join(f"{k} {there[k]:g}, not {here[k]:g}" for k in there if there[k] != here[k])
-
     def transmit_snr_db(self, size: int) -> float:
         """P/σ² in dB, from the cell-edge SNR of a city of size×size cells.
 

@@ -106,6 +106,18 @@ def shown(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}…"
 
 
+def differences(one: Any, other: Any) -> str:
+    """Which numbers a configuration has otherwise than another one, in words; empty if none."""
+    there, parts = vars(other), []
+    for name, value in vars(one).items():
+        if is_dataclass(value):
+            parts.append(differences(value, there[name]))
+        elif value != there[name]:
+            both = (" to ".join(f"{n:g}" for n in np.atleast_1d(v)) for v in (value, there[name]))
+            parts.append(f"{name} {', not '.join(both)}")
+    return "; ".join(filter(None, parts))
+
+
 def from_json(config: type, values: Any, name: str) -> Any:
     """A configuration from JSON values; `InputError` names a field that is missing or unknown."""
     try:

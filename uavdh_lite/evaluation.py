@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from uavdh_lite.city import described, fingerprint_of
+from uavdh_lite.config import differences
 from uavdh_lite.environment import HOVER, REPORTED, Environment, Outcome, State, checked_actions
 from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario
@@ -213,7 +214,7 @@ def _require_made_for(policy: Policy, environment: Environment) -> None:
             f"{made_for} {described(own.cities)}, not for {described(environment.cities)}: take "
             f"agent.over(city) of an agent (--city on the command line), {other}"
         )
-    if found := own.channel.differences(environment.channel):
+    if found := differences(own.channel, environment.channel):
         raise InputError(
             f"{made_for} another channel, with {found}: take agent.over(city, channel) of an agent "
             f"(its options on the command line), {other}"

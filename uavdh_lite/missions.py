@@ -1,7 +1,7 @@
 """A mission that a person sets, flies and shares.
 
-A mission file is JSON; `schemas/mission.schema.json` describes it. It holds the city, so the
-episode stays the same wherever and whenever it is flown.
+A mission file is JSON; `schemas/mission.schema.json` describes it. It holds the city and the seed
+of the fading, but no radio channel: that is the environment's.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from uavdh_lite.city import City, load_city
+from uavdh_lite.city import City, described, fingerprint_of, load_city
 from uavdh_lite.config import option, require, shown
 from uavdh_lite.environment import REPORTED, Environment, Outcome, State
 from uavdh_lite.errors import InputError
@@ -129,9 +129,19 @@ class Mission:
         """A new generator of this mission's fading, as it is at the start."""
         return Portable(Use.FADING, self.seed)
 
+    def state_in(self, environment: Environment) -> State:
+        """The first state; raises `InputError` if the environment has another city."""
+        if fingerprint_of(environment.cities) != self.city.fingerprint:
+            here, there = described((self.city,)), described(environment.cities)
+            raise InputError(f"this mission is over {here}, not {there}: Environment(mission.city)")
+        return self.state
+
     def fly(self, environment: Environment, policy: Policy) -> Flights:
-        """Fly a policy and keep every step; missions with equal seeds have equal fading."""
-        return fly(environment, policy, self.state, self.fading)
+        """Fly a policy and keep every step; missions with equal seeds have equal fading.
+
+        Raises `InputError` if the environment has another city, or if the policy is made for one.
+        """
+        return fly(environment, policy, self.state_in(environment), self.fading)
 
     def fill(self, device: int, amount: float) -> "Mission":
         """The mission with this much data at a device, data units."""
@@ -143,7 +153,7 @@ class Mission:
 class HandFlight:
     """A mission flown step by step, with each action chosen when it is due.
 
-    It has the same fading as any policy that flies the mission.
+    It has the same fading as any policy that flies the mission. `InputError` for another city.
 
     | attribute | meaning |
     | --- | --- |
@@ -153,7 +163,7 @@ class HandFlight:
 
     def __init__(self, environment: Environment, mission: Mission):
         self.environment, self.mission = environment, mission
-        self.state = mission.state
+        self.state = mission.state_in(environment)
         self._generator = mission.fading
         self._history: list[Step] = []
 

@@ -1,7 +1,7 @@
 """Figures of cities, flights, maps and training: a function draws on an Axes, or makes a Figure."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -162,7 +162,7 @@ def trajectory_figure(environment: Environment, trajectory: Trajectory) -> Figur
     """One flight in the paper's style, with the legend below it."""
     figure = Figure(figsize=(6.5, 8), layout="constrained")
     draw_trajectory(figure.subplots(), environment, trajectory)
-    add_legend(figure, int((trajectory.start.data_initial > 0).sum()))
+    add_legend(figure, np.flatnonzero(trajectory.start.data_initial[0] > 0))
     return figure
 
 
@@ -240,12 +240,17 @@ def caption(trajectory: Trajectory) -> str:
     return f"Time {time[0] - time[-1]}/{time[0]}; data {data[0] - data[-1]:.1f}/{data[0]:.1f}"
 
 
-def add_legend(figure: Figure, devices: int) -> None:
-    """The legend of trajectory figures, below all Axes; `player.js` has the same words."""
+def add_legend(figure: Figure, devices: int | Iterable[int]) -> None:
+    """The legend of trajectory figures, below all Axes; `player.js` has the same words.
+
+    Arguments:
+        devices: how many, or the numbers of those that are drawn.
+    """
+    numbers = range(devices) if isinstance(devices, int) else devices
     ground = CELL_STYLES | {"shadow: no line of sight to a device": {"facecolor": SHADOW}}
     move = "move: thicker for more data, in the colour of its device"
     signs: list[tuple[str, str | Outline, Style]] = [
-        *((f"device {k}", "X", {"color": device_colour(k), "ms": 10}) for k in range(devices)),
+        *((f"device {k}", "X", {"color": device_colour(k), "ms": 10}) for k in numbers),
         ("UAV", UAV, {"mfc": "white", "ms": 12}),
         ("start", "^", {"mfc": "white", "ms": 9}),
         ("landing", "D", {"mfc": "white", "ms": 7}),
@@ -348,8 +353,9 @@ def pixels(figure: Figure) -> np.ndarray:
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
-def save_animation(city: City, trajectory: Trajectory, path: str | Path) -> None:
+def save_animation(environment: Environment, trajectory: Trajectory, path: str | Path) -> None:
     """Write a flight as a GIF that plays in any browser, one frame per step, atomically."""
+    city = environment.cities[int(trajectory.start.city[0])]
     figure = Figure(figsize=(5, 5.2), dpi=100, layout="constrained")
     ax, last = figure.subplots(), len(trajectory.action)
 
@@ -358,7 +364,7 @@ def save_animation(city: City, trajectory: Trajectory, path: str | Path) -> None
         begun = {name: getattr(trajectory, name)[: steps + 1] for name in names}
         flown = replace(trajectory, landed=trajectory.landed and steps == last, **begun)
         ax.clear()
-        draw_flight(draw_city(ax, city), city, flown, city.size)
+        draw_flight(draw_city(ax, city), city, flown, environment.size)
         ax.set(xlabel=caption(flown), ylabel="", xticks=[], yticks=[])
 
     frames = [*range(last + 1), *[last] * FRAMES_OF_THE_END]

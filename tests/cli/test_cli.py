@@ -5,7 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from PIL import Image
 
 from uavdh_lite import registry
 from uavdh_lite.channel import Channel
-from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.checkpoint import load_agent, save_agent, shipped_agents
 from uavdh_lite.city import City
 from uavdh_lite.cli import training
 from uavdh_lite.cli.main import COMMANDS, main
@@ -24,6 +24,7 @@ from uavdh_lite.evaluation import bootstrap_interval, mean_interval
 from uavdh_lite.experiments.report import interval_text
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.recipe import find_recipe
+from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import data_folder, read_table
 
 SHORT = ["--steps", "320", "--replay-prefill", "160", "--validation-episodes", "5"]
@@ -87,6 +88,31 @@ def test_compare_writes_every_episode_and_its_intervals_are_those_of_whole_citie
     assert whole in lines[2] and whole != interval_text("return", bootstrap_interval(values))
     assert main(["evaluate", *options]) == 0
     assert whole in capsys.readouterr().out
+
+
+def test_what_the_scenario_or_the_channel_have_otherwise_is_said(tmp_path, capsys):
+    """Of an agent that learned another task under the name of a preset."""
+    village, out = load_agent("any_city").over(City.load("village")), tmp_path / "a.csv"
+    own = replace(find_scenario("village"), data=(0.1, 0.5), devices=(1, 1))
+    loud = Channel(cell_edge_snr_db=15.0)
+    path, mission = str(tmp_path / "loud.safetensors"), str(tmp_path / "m.json")
+    learned = replace(village, scenario=replace(own, channel=loud), trained_in=village.cities)
+    save_agent(path, learned)
+    said = "cell_edge_snr_db 15, not -15"
+    assert (
+        main(["fly", "--city", "village", "--save-mission", mission, "--out", f"{path}.png"]) == 0
+    )
+    assert "SNR" not in capsys.readouterr().out.replace("snr", "SNR")
+    assert main(["fly", "--checkpoint", path, "--mission", mission, "--out", f"{path}.png"]) == 0
+    assert f" over village, with {said}: " in capsys.readouterr().out
+    heading = f"village, but devices 1 to 1, not 1 to 2; data 0.1 to 0.5, not 5 to 15; {said}: 2 "
+    for command in (["evaluate"], ["compare", "--out", str(out)]):
+        assert main([*command, "--checkpoint", path, "--episodes", "2"]) == 0
+        assert capsys.readouterr().out.startswith(heading)
+    about = json.loads(out.with_suffix(".json").read_text())
+    assert about["scenario"]["data"] == [0.1, 0.5] and about["cities"] == village.city.fingerprint
+    assert about["scenario"]["channel"]["cell_edge_snr_db"] == 15
+    assert "row of this name" in failing(capsys, "compare", "--others", "agent")
 
 
 def test_a_mission_is_saved_changed_and_flown_again(tmp_path, capsys):
@@ -204,10 +230,14 @@ def test_what_is_there_is_not_overwritten_unasked(capsys, tmp_path, monkeypatch,
 
 def test_without_a_name_a_free_one_is_taken(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("a.csv.gz", "a-2.csv.gz", "a-3.csv.gz"):
-        assert output(None, "a.csv.gz") == Path(name)
-        Path(name).touch()
-    assert output(Path("a.csv.gz"), "b.csv.gz") == Path("a.csv.gz")  # is replaced
+    for name, there in (("a.csv.gz", "a.json"), ("a-2.csv.gz", "a-2.csv.gz"), ("a-3.csv.gz", "")):
+        assert output(None, "a", ".csv.gz", ".json") == Path(name)
+        Path(there).touch()  # also what is written beside it
+    assert output(Path("a.csv.gz"), "b", ".csv.gz") == Path("a.csv.gz")  # is replaced
+    Path("city-outlines.svg").touch()
+    campus = str(data_folder() / "places" / "campus.geojson")
+    assert main(["city", campus, "--centre", "50", "8", "--cells", "12"]) == 0
+    assert not Path("city-outlines.svg").read_bytes() and Path("city-2-outlines.svg").exists()
     for name in ("labs.html", "labs-2.html"):
         assert main(["app", "--no-browser"]) == 0 and Path(name).exists()
 

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,13 +40,16 @@ def test_every_policy_flies_the_missions_of_evaluate(results):
         np.testing.assert_array_equal(again[name]["devices"], (data > 0).sum(axis=1))
 
 
-def test_over_several_cities_each_episode_names_its_city():
+def test_over_several_cities_each_episode_names_its_city_and_of_equal_names_the_number():
     cities = load_cities("random:3:5:8")
     environment, scenario = Environment(cities), Scenario("few", devices=(1, 2))
     found = compare(environment, scenario, {"greedy": Greedy(environment)}, 20, seed=4)
     flights = evaluate(environment, Greedy(environment), scenario, 20, seed=4)
     expected = [cities[c].name for c in flights.start.city]
     assert found["greedy"]["city"].tolist() == expected and len(set(expected)) == 3
+    alike = Environment(tuple(replace(city, name="x") for city in cities))
+    found = compare(alike, scenario, {"greedy": Greedy(alike)}, 20, seed=4)
+    assert found["greedy"]["city"].tolist() == [f"x {c}" for c in flights.start.city]
 
 
 @pytest.mark.parametrize(

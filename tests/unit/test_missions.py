@@ -47,6 +47,16 @@ def test_a_drawn_mission_is_the_scenarios():
     assert cells.tolist() == state.device_cells[0, :number].tolist()
 
 
+def test_a_mission_is_flown_over_its_own_city_alone(mission):
+    for city in (VILLAGE, (MANHATTAN.city, VILLAGE)):
+        world = Environment(city)
+        named = r"over manhattan \(1 of 16 × 16 cells\), not "
+        with pytest.raises(InputError, match=named):
+            mission.fly(world, find_policy("greedy", world))
+        with pytest.raises(InputError, match=named):
+            HandFlight(world, mission)
+
+
 def test_another_amount_leaves_the_mission_as_it_was(mission):
     assert mission.fill(1, 3.5).data == (10.0, 3.5) and mission.data == (10.0, 5.0)
 

@@ -193,6 +193,23 @@ def test_runs_with_rows_at_different_steps_are_lines_at_their_own():
     assert [text.get_text() for text in figure.axes[0].get_legend().texts] == ["told", "lite"]
 
 
+def test_the_legend_has_the_devices_of_the_map(corridor):
+    """Of three, the one in the middle has no data."""
+    environment = Environment(corridor)
+    mission = Mission(corridor, (2, 0), [(2, 1), (2, 2), (2, 3)], [10, 0, 12], 9)
+    flown = mission.fly(environment, FunctionPolicy(lambda state: np.array([HOVER])))
+    figure = plotting.trajectory_figure(environment, flown.trajectory(0))
+    marks = [line.get_color() for line in figure.axes[0].lines if line.get_marker() == "X"]
+    devices = {
+        text.get_text(): handle.get_color()
+        for text, handle in zip(
+            figure.legends[0].texts, figure.legends[0].legend_handles, strict=True
+        )
+        if text.get_text().startswith("device")
+    }
+    assert list(devices) == ["device 0", "device 2"] and list(devices.values()) == marks
+
+
 def test_figures_are_saved_with_their_legend(corridor, tmp_path):
     figure = Figure(layout="constrained")
     plotting.draw_trajectory(figure.subplots(), *flight(corridor, [EAST, WEST, LAND]))
@@ -205,8 +222,15 @@ def test_figures_are_saved_with_their_legend(corridor, tmp_path):
 
 
 def test_an_animation_shows_each_step_and_waits_at_the_end(corridor, tmp_path):
-    environment, trajectory = flight(corridor, [EAST, WEST, LAND])
-    plotting.save_animation(environment.city, trajectory, tmp_path / "flight.gif")
+    """Over a smaller city of several, it is that over the city alone."""
+    moves = [EAST, WEST, LAND]
+    for name, cities, city in (
+        ("flight", corridor, 0),
+        ("among", (City.load("village"), corridor), 1),
+    ):
+        environment, trajectory = flight(cities, moves, city=city)
+        plotting.save_animation(environment, trajectory, tmp_path / f"{name}.gif")
+    assert (tmp_path / "flight.gif").read_bytes() == (tmp_path / "among.gif").read_bytes()
     with Image.open(tmp_path / "flight.gif") as film:
         durations = [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
     assert len(durations) == 4 and durations[-1] > 5 * durations[0] > 0

@@ -23,7 +23,7 @@ def app(
 
     from uavdh_lite.labs.page import write_page
 
-    out = output(out, "labs.html")
+    out = output(out, "labs", ".html")
     write_page(out)
     print(f"labs: {out}", file=sys.stderr)
     if browser:

@@ -9,6 +9,8 @@ from uavdh_lite.bridges.footprints import Raster, city_of_footprints
 from uavdh_lite.cli.options import named, options_of, output, with_values
 from uavdh_lite.plotting import save_figure
 
+OUTLINES = "-outlines.svg"
+
 
 def city(
     footprints: Path,
@@ -25,10 +27,10 @@ def city(
         footprints: GeoJSON, as Overpass Turbo or QGIS write it from OpenStreetMap.
         out: the city's PNG, by default city.png.
     """
-    out, raster = output(out, "city.png"), with_values(Raster(), values)
+    out, raster = output(out, "city", ".png", OUTLINES), with_values(Raster(), values)
     found, figure = city_of_footprints(footprints, raster), Figure(figsize=(7, 7.2))
     found.draw(figure.subplots())
-    outlines = out.with_name(f"{out.stem}-outlines.svg")
+    outlines = out.with_name(out.stem + OUTLINES)
     found.city.save(out)
     save_figure(figure, outlines)
     free = found.city.open_to_devices.sum()

@@ -1,19 +1,20 @@
 """`demo`, `fly`, `evaluate`, `compare` and `export`: what trained agents do."""
 
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts.types import NonNegativeInt, PositiveInt
 from matplotlib.figure import Figure
 
-from uavdh_lite import evaluation, missions, plotting
+from uavdh_lite import evaluation, missions, plotting, registry
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.beyond.symmetry import in_eight_views
 from uavdh_lite.bridges.onnx import export_onnx
 from uavdh_lite.channel import Channel
 from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.city import City, load_cities
+from uavdh_lite.city import City, fingerprint_of, load_cities
 from uavdh_lite.cli.options import (
     PICTURES,
     Checkpoint,
@@ -25,6 +26,7 @@ from uavdh_lite.cli.options import (
     output,
     with_values,
 )
+from uavdh_lite.config import differences
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import comparison
@@ -33,6 +35,7 @@ from uavdh_lite.paper import RESULTS
 from uavdh_lite.player import play
 from uavdh_lite.policies import agents_for, find_policy
 from uavdh_lite.provenance import provenance
+from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.storage import write_json
 
 FLOWN = {  # in `demo`: the policy's name, from that of the city
@@ -69,6 +72,16 @@ def _where(agent: Agent) -> str:
     return agent.city.name if len(agent.cities) == 1 else f"{len(agent.cities)} cities"
 
 
+def _flown(agent: Agent) -> tuple[Scenario, str]:
+    """An agent's scenario, with the channel that it flies over; and in words: its name, and what
+    the scenario of this name has otherwise, or where there is none, that of the paper."""
+    name, channel = agent.scenario.name, agent.environment.channel
+    usual = find_scenario(name) if name in registry.names("scenario") else Scenario(name)
+    flown = replace(agent.scenario, channel=channel)
+    found = differences(flown, replace(usual, city=flown.city))
+    return flown, f"{name}, but {found}" if found else name
+
+
 def demo(
     *,
     episodes: Count = 3000,
@@ -82,7 +95,7 @@ def demo(
         out: the figure, by default demo.png.
         seed: seed of the missions and the fading, by default that of the ladder in the results.
     """
-    out = output(out, "demo.png")
+    out = output(out, "demo", ".png")
     figure = Figure(figsize=(11, 13), layout="constrained")
     axes = figure.subplots(2, 2)
     for (name, paper), row in zip(RESULTS.items(), axes, strict=True):
@@ -119,6 +132,8 @@ def fly(
 ) -> None:
     """Fly one mission and draw it: a random one, or that of a file.
 
+    The agent flies over the radio channel that it was trained with.
+
     Arguments:
         mission: a mission's file, from --save-mission or from the labs.
         save_mission: write the mission to this file, to change or to share it.
@@ -128,7 +143,7 @@ def fly(
     """
     if mission is not None and (city is not None or seed is not None):
         raise InputError("a mission has its own city and seed: leave out --city and --seed")
-    out = output(out, "flight.png")
+    out = output(out, "flight", ".png")
     given = None if mission is None else missions.load_mission(mission)
     name, agent = open_agent(checkpoint, city if given is None else given.city)
     if len(agent.cities) > 1:
@@ -139,13 +154,15 @@ def fly(
     environment = Environment(flown.city, agent.environment.channel)
     trajectory = flown.fly(environment, agent).trajectory(0)
     if out.suffix.lower() == ".gif":
-        plotting.save_animation(flown.city, trajectory, out)
+        plotting.save_animation(environment, trajectory, out)
     elif out.suffix.lower() == ".html":
         play(environment, trajectory).save(out)
     else:
         plotting.save_figure(plotting.trajectory_figure(environment, trajectory), out)
     landed = "landed" if trajectory.landed else "crashed"
-    print(f"{name} over {_where(agent)}: {landed}. {plotting.caption(trajectory)}. {out}")
+    heard = differences(environment.channel, Channel())
+    over = f"{name} over {_where(agent)}" + f", with {heard}" * bool(heard)
+    print(f"{over}: {landed}. {plotting.caption(trajectory)}. {out}")
 
 
 def evaluate(
@@ -177,7 +194,7 @@ def evaluate(
     flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
     drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
-    print(f"{agent.scenario.name}: {drawn}")
+    print(f"{_flown(agent)[1]}: {drawn}")
     print(policies_table({name: metrics}))
     if json is not None:
         write_json(json, {name: interval._asdict() for name, interval in metrics.items()})
@@ -208,19 +225,22 @@ def compare(
     """
     opened, agent = open_agent(checkpoint, city)
     environment = Environment(agent.cities, agent.environment.channel)
-    name = agent.scenario.name
-    out = output(out, f"comparison-{name}.csv.gz")
+    scenario, called = _flown(agent)
+    out = output(out, f"comparison-{scenario.name}", ".csv.gz", ".json")
+    if "agent" in others:
+        raise InputError("--others agent: the table has a row of this name, of --checkpoint")
     planners = {
         each: find_policy(each, environment, seed) for each in (*others, "random", "greedy")
     }
     genies = {"genie": Genie(environment), "genie_data": Genie(environment, time_cost=0.01)}
     policies = {"agent": agent, **planners, **genies}
     jobs = min(jobs, len(policies))
-    results = comparison.compare(environment, agent.scenario, policies, episodes, seed, jobs)
+    results = comparison.compare(environment, scenario, policies, episodes, seed, jobs)
     about = {"command": command_line, "seed": seed, **provenance(), "agent": agent.training}
+    about |= {"scenario": asdict(scenario), "cities": fingerprint_of(agent.cities)}
     comparison.save_comparison(out, results, about)
     drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
-    print(f"{name}: {drawn}; agent is {opened}")
+    print(f"{called}: {drawn}; agent is {opened}")
     metrics = {
         policy: {
             m: evaluation.mean_interval(columns[m], columns.get("city")) for m in TABLE_METRICS
@@ -239,13 +259,12 @@ def export(
 ) -> None:
     """Write an agent's network as an ONNX file.
 
-    The file is written only if ONNX Runtime decides with it as the agent does.
+    The file is written only if ONNX Runtime has with it the Q-values of the agent.
 
     Arguments:
         out: the file, by default agent.onnx.
     """
-    out = output(out, "agent.onnx")
+    out = output(out, "agent", ".onnx")
     name, agent = open_agent(checkpoint, city)
     error = export_onnx(agent, out)
-    print(f"{out}: decides as {name} does over {_where(agent)}")
-    print(f"Q-values differ by at most {error:.1g}")
+    print(f"{out}: {name} over {_where(agent)}; Q-values differ by at most {error:.1g}")

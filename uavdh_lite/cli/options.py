@@ -50,17 +50,17 @@ def named(*suffixes: str) -> Parameter:
     return Parameter(validator=require)
 
 
-def output(typed: Path | None, default: str) -> Path:
+def output(typed: Path | None, name: str, *endings: str) -> Path:
     """The file that a command writes: the typed one, which it replaces, or a new one.
 
-    That has the default name or, where this exists, the first free one of name-2, name-3 and so on.
+    That has this name and the first ending, or name-2, name-3 and so on: the first with which no
+    file exists that has any of the endings, since the others are written beside it.
     """
-    path, number = typed or Path(default), 1
-    name, _, suffix = default.partition(".")
-    while typed is None and path.exists():
+    free, number = name, 1
+    while typed is None and any(Path(free + ending).exists() for ending in endings):
         number += 1
-        path = Path(f"{name}-{number}.{suffix}")
-    return path
+        free = f"{name}-{number}"
+    return typed or Path(free + endings[0])
 
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg", ".webp")

@@ -47,11 +47,13 @@ def columns(environment: Environment, flights: Flights) -> Columns:
     """What was drawn for each episode, then its metrics from `Flights.records`; (N,) each.
 
     `devices`, `flying_time` and `data`, the sum over the devices in data units, were drawn; over
-    several cities also `city`, its name.
+    several cities also `city`, its name, with its number where two have the same.
     """
-    start, names = flights.start, np.array([city.name for city in environment.cities])
+    start, names = flights.start, [city.name for city in environment.cities]
+    if len({*names}) < len(names):
+        names = [f"{name} {number}" for number, name in enumerate(names)]
     return {
-        **({"city": names[start.city]} if len(names) > 1 else {}),
+        **({"city": np.array(names)[start.city]} if len(names) > 1 else {}),
         "devices": (start.data_initial > 0).sum(axis=1),
         "flying_time": start.time_left.astype(int),
         "data": start.data_initial.sum(axis=1).astype(float),

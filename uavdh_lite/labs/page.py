@@ -21,6 +21,7 @@ from uavdh_lite.beyond.recipes import BeyondRecipe, ImitationRecipe
 from uavdh_lite.channel import Channel
 from uavdh_lite.checkpoint import load, load_agent, save_agent
 from uavdh_lite.city import City, load_city, shipped_cities
+from uavdh_lite.config import differences
 from uavdh_lite.errors import InputError
 from uavdh_lite.missions import Mission, as_json
 from uavdh_lite.plotting import DEVICE_COLOURS
@@ -99,7 +100,7 @@ def data(agents: Mapping[str, Agent | str | Path] | None) -> dict[str, Any]:
         _require_flown(name, agent)
         channel = channel or agent.scenario.channel
         for own in (agent.scenario.channel, agent.environment.channel):
-            if found := channel.differences(own):
+            if found := differences(channel, own):
                 raise InputError(f"a page has one channel, but {name} has another, with {found}")
         content = packed(agent)
         about: dict[str, Any] = {"name": name, "title": name}
