@@ -120,11 +120,11 @@ def load_agent(path: str | Path) -> Agent:
         network.load_state_dict(weights, assign=True)
         if not all(weight.isfinite().all() for weight in weights.values()):
             raise InputError("a weight is not a finite number")
+        return Agent(network.eval(), observation, recipe, scenario, about["training"])
     except (ValueError, LookupError, RuntimeError, TypeError) as error:
         raise CheckpointError(
             f"{path}: does not fit this version of uavdh_lite ({error})"
         ) from None
-    return Agent(network.eval(), observation, recipe, scenario, about["training"])
 
 
 def _file(path: str | Path) -> Path:

@@ -16,6 +16,7 @@ import numpy as np
 from uavdh_lite.errors import InputError
 
 _PACKAGE = Path(__file__).parent
+NAMES = "variant", "policy", "city"
 
 
 def data_folder() -> Path:
@@ -70,6 +71,8 @@ def write_table(path: str | Path, rows: list[dict]) -> None:
 def read_table(path: str | Path) -> dict[str, np.ndarray]:
     """The columns of a table by name: numbers if all values are, else text; NaN where empty.
 
+    Those of `NAMES` are always text, so that 1e1 and 10 are two.
+
     Raises `InputError` if the file is not such a table.
     """
     content = Path(path).read_bytes()
@@ -77,7 +80,8 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
         text = (gzip.decompress(content) if _is_packed(path) else content).decode("utf-8-sig")
         names, *rows = csv.reader(io.StringIO(text), strict=True)
         columns = zip(*rows, strict=True)
-        return {name: _column(column) for name, column in zip(names, columns, strict=True)}
+        pairs = zip(names, columns, strict=True)
+        return {k: np.array(v) if k in NAMES else _column(v) for k, v in pairs}
     except (ValueError, OSError, EOFError, csv.Error, zlib.error) as error:
         right = "not a table, with names in its first row and rows of that length"
         raise InputError(f"{path}: {right} ({error})") from None

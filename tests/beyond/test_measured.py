@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavdh_lite.beyond.cities import FREE, NO_FLY
+from uavdh_lite.beyond.cities import FREE, LANDING, NO_FLY
 from uavdh_lite.beyond.failsafe import SafeEnvironment
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.beyond.measured import (
@@ -184,6 +184,9 @@ def test_a_place_needs_its_own_table(model, tmp_path):
         save_gains(table, gain_db, about)
         with pytest.raises(InputError, match=f"town.npz: {named}"):
             load_place(path)
+    save_gains(table, -complete, {})
+    with pytest.raises(InputError, match=r"town\.npz: .* a path loss is a negative gain"):
+        load_gains(table)
     save_gains(table, complete, {"cell_size_m": 10.0, "scene": "Ω"})
     assert np.ptp(load_place(path).mean_snr_db) == 0 and load_gains(table)[1]["scene"] == "Ω"
     table.write_bytes(table.read_bytes()[:-30])
@@ -213,6 +216,11 @@ def test_a_table_of_another_city_is_refused_and_zones_may_be_painted(tmp_path):
     for city in (munich, painted):
         city.save(path)
         assert np.isfinite(load_place(path).mean_snr_db).any()
+    kinds = munich.kinds.copy()
+    kinds[tuple(np.argwhere(kinds == LANDING)[0])] = FREE
+    City.from_kinds("painted", kinds).save(path)
+    with pytest.raises(InputError, match=r"town\.npz: .*no gain of a device at row "):
+        load_place(path)
     City.load(places / "paris.png").save(path)
     with pytest.raises(InputError, match=r"town\.npz: its buildings are .* town"):
         load_place(path)

@@ -96,6 +96,13 @@ def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
     assert list(scores) == ["centred", "non_centred"] and scores["non_centred"][1] == last
 
 
+def test_the_tables_of_other_runs_are_not_replaced(finished, tmp_path):
+    """More seeds and more variants are of the same study."""
+    collect_curves(finished[1], tmp_path, "a command")
+    with pytest.raises(InputError, match="holds a study with centred-1, too"):
+        run_study(find_scenario("village"), centring(RECIPE), 1, tmp_path)
+
+
 def test_a_variant_is_the_recipe_with_what_its_text_says():
     texts = ["as_it_is", "pooling=2", "strides=[3,1],kernels=8", "huber_delta=10"]
     texts += ["failsafe=false,discount=0.9", "observation=centred"]

@@ -178,12 +178,15 @@ def test_coordinates_elsewhere_or_swapped_are_said_to_lie_where_they_lie(made):
             made([feature("Polygon", [corners])])
 
 
-@pytest.mark.parametrize("absent", [None, "", " ", False, "No", "false", "null", math.nan])
+@pytest.mark.parametrize(
+    "absent", [None, "", " ", False, "No", "false", "null", math.nan, 0, "0", 0.0]
+)
 def test_a_tag_that_is_absent_empty_or_false_is_absent(made, absent):
     """A park with a null of geopandas is no building, whatever stands in its other columns."""
     found = made(in_row({"building": absent, "height": "30"}, {**YES, "height": absent}, TALL))
     assert first_row(found) == ".BB." and found.heights == {"assumed": 1, "height": 1}
-    assert first_row(made(in_row({"building:part": "yes", "building": absent}, TALL))) == "BB.."
+    part = {"building:part": "yes", "building": absent, "is_underground": absent}
+    assert first_row(made(in_row(part, TALL))) == "BB.."
 
 
 @pytest.mark.parametrize(

@@ -197,6 +197,11 @@ def test_a_policy_of_observations_is_evaluated_as_ours_are(masked):
     flights = evaluate(environment, policy, SCENARIO, 20, seed=0)
     assert flights.end.landed.all() and (flights.steps == 1).all()
     assert shapes == [{"map": (5, 15, 15), "time": (1,)}]
+    halved = gymnasium.wrappers.TransformObservation(single(), dict, None)
+    many = gymnasium.wrappers.vector.TransformAction(batch(2), abs)
+    for env in (gymnasium.wrappers.TimeLimit(halved, 9), many):
+        with pytest.raises(InputError, match=r"^Transform(Observation|Action) would be left out"):
+            as_policy(env, last_allowed)
     policy = as_policy(single(), lambda seen: (np.full(len(seen["time"]), LAND), None))
     with pytest.raises(InputError, match=r"predict gave a tuple.*model\.predict\(\.\.\.\)\[0\]"):
         evaluate(environment, policy, SCENARIO, 2, seed=0)

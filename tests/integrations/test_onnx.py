@@ -54,10 +54,11 @@ def test_a_shipped_agent(tmp_path, name, city):
     assert about["recipe"]["data_scale"] == agent.recipe.data_scale
 
 
-def test_a_file_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):
+@pytest.mark.parametrize("error", [2 * TOLERANCE, np.nan])
+def test_a_file_that_decides_otherwise_is_not_written(tmp_path, monkeypatch, error):
     agent = load_agent("manhattan_ddqn_early")
     q_values = type(agent).q_values
-    monkeypatch.setattr(type(agent), "q_values", lambda *args: q_values(*args) + 2 * TOLERANCE)
+    monkeypatch.setattr(type(agent), "q_values", lambda *args: q_values(*args) + error)
     with pytest.raises(InputError, match="not written"):
         export_onnx(agent, tmp_path / "a.onnx", states=50)
     assert not list(tmp_path.iterdir())

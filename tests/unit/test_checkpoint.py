@@ -80,6 +80,7 @@ def test_half_precision_comes_back_as_float32_and_another_shape_is_damage(path):
         lambda about: about.update(size=9),
         lambda about: about.pop("size"),
         lambda about: about["cities"].pop(),
+        lambda about: about.pop("training"),
     ],
 )
 def test_an_agent_that_does_not_fit_is_refused(path, change):

@@ -55,6 +55,8 @@ def test_a_column_is_of_numbers_or_text_and_empty_where_nothing_stands(encoding,
     """Also with the mark with which a spreadsheet begins a file."""
     (tmp_path / "t.csv").write_text("a,b,c\n1,,\n2,x,0.5\n", encoding=encoding)
     read = read_table(tmp_path / "t.csv")
+    (tmp_path / "n.csv").write_text("variant\n1e1\n10\n")
+    assert read_table(tmp_path / "n.csv")["variant"].tolist() == ["1e1", "10"]  # are names
     assert list(read) == ["a", "b", "c"]
     assert read["a"].tolist() == [1, 2] and read["b"].tolist() == ["", "x"]
     np.testing.assert_array_equal(read["c"], [np.nan, 0.5])

@@ -115,6 +115,10 @@ def load_place(name: str | Path, channel: Channel | None = None) -> MeasuredEnvi
             )
     try:
         snr_db = levelled(SafeEnvironment(city, channel), gain_db)
+        deaf = city.open_to_devices & np.isinf(gain_db).all(axis=1).reshape(city.landing.shape)
+        if deaf.any():  # as where its landing zone was
+            (row, col), *_ = np.argwhere(deaf)
+            raise InputError(f"no gain of a device at row {row}, column {col}, where one may stand")
         return MeasuredEnvironment(city, channel, mean_snr_db=snr_db)
     except ValueError as error:
         raise InputError(f"{table}: not the gains of {path.name} ({error})") from None
@@ -210,6 +214,8 @@ def load_gains(path: str | Path) -> tuple[np.ndarray, dict]:
     try:
         with Path(path).open("rb") as content, np.load(content, allow_pickle=False) as file:
             gain_db, about = file["gain_db"].astype(np.float32), json.loads(str(file["about"]))
+        if (gain_db > 0).any():
+            raise InputError("a gain above 0 dB: a path loss is a negative gain")
         return gain_db, dict(about)
     except Exception as error:  # numpy raises many types for damaged files
         raise InputError(f"{path}: not a table of gains ({error})") from None

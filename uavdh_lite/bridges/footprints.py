@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 EARTH_RADIUS_M = 6_371_009.0  # of a sphere with the Earth's mean radius
 BUILDING = "building", "building:part", "building_part"  # a polygon with one of these tags is one
 LEVELS = "building:levels", "building_levels", "levels", "num_floors"  # the last is Overture's
-ABSENT = "", "no", "false", "none", "null", "nan"  # values that say the same as no tag
+ABSENT = "", "no", "false", "none", "null", "nan", "0", "0.0"  # values that say the same as no tag
 NUMBER = r"(\d+(?:\.\d+)?)\s*"
 METRES = re.compile(rf"{NUMBER}(?:m|metres?|meters?)?")
 FEET = re.compile(rf"{NUMBER}(?:'|′|ft|feet|foot)\s*(?:{NUMBER}(?:\"|″|''|in|inch|inches))?")
@@ -128,7 +128,7 @@ def city_of_footprints(path: str | Path, raster: Raster) -> Footprints:
     `building:levels` storeys, else the assumed one. Unless a height is to be assumed, a building of
     unknown height is higher than the UAV flies, at whatever altitude. Polygons count as buildings
     if they have the tag `building` or `building:part`, or all of them if no feature knows one of
-    these; what lies underground is left out. A tag that is null, empty, false or `no` is absent.
+    these; what lies underground is left out. A tag that is null, empty, false, `no` or 0 is absent.
 
     Raises `InputError` that names the file if it is not GeoJSON or has no building at the centre,
     `CityError` if there is no room for a landing zone or a device, and `MissingExtra` without

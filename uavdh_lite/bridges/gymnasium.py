@@ -18,10 +18,17 @@ with extra("gym"):
     import gymnasium
     from gymnasium import spaces
     from gymnasium.error import ResetNeeded
-    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector import (
+        AutoresetMode,
+        VectorActionWrapper,
+        VectorEnv,
+        VectorObservationWrapper,
+    )
     from gymnasium.vector.utils import batch_space
 
 ID = "uavdh_lite/DataHarvesting-v0"
+WRAPPERS = (gymnasium.ActionWrapper, gymnasium.ObservationWrapper)
+WRAPPERS += (VectorActionWrapper, VectorObservationWrapper)
 
 
 class DataHarvesting(gymnasium.Env):
@@ -247,8 +254,14 @@ def as_policy(env: gymnasium.Env | VectorEnv, predict: Callable, masked: bool = 
     Arguments:
         predict: takes a batch of observations, (B, ...) arrays by name; gives (B,) actions.
         masked: give it the allowed actions, too, (B, 6) bool.
+
+    Raises `InputError` if a wrapper changes actions or observations: here `predict` must do that.
     """
-    one: Any = env.unwrapped  # a DataHarvesting, or a batch of them
+    one: Any = env  # in the end a DataHarvesting, or a batch of them
+    while one is not env.unwrapped:
+        if isinstance(one, WRAPPERS):
+            raise InputError(f"{type(one).__name__} would be left out: let predict do what it does")
+        one = one.env
 
     def act(state: State) -> np.ndarray:
         masks = [one.environment.allowed_actions(state)] if masked else []

@@ -32,8 +32,8 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     of the largest city, and the recipe with its scales.
 
     ONNX Runtime and the agent are asked about random states under way. If their Q-values differ by
-    more than `TOLERANCE`, nothing is written, and `InputError` is raised. `MissingExtra` says which
-    of onnx, onnxscript and onnxruntime is not installed.
+    more than `TOLERANCE`, or are NaN, nothing is written, and `InputError` is raised.
+    `MissingExtra` says which of onnx, onnxscript and onnxruntime is not installed.
     """
     with extra("onnx"):
         import onnx
@@ -53,7 +53,7 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     both = answered, agent.q_values(state).numpy()
     answered, expected = (np.maximum(q, -1e9) for q in both)  # −∞ cannot be subtracted
     largest = float(np.abs(answered - expected).max())
-    if largest > TOLERANCE:
+    if not largest <= TOLERANCE:  # NaN is not
         raise InputError(f"{path}: not written: ONNX Runtime's Q-values differ by {largest:.2g}")
     write_atomically(path, lambda temporary: temporary.write_bytes(content))
     return largest

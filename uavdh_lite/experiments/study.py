@@ -102,8 +102,8 @@ def run_study(
             `out` under the same path. If one is lost, another goes on with its run.
 
     Raises `InputError` for runs that are too short for a curve, for a folder that holds a single
-    run or in which another study runs, and for a cluster that cannot be reached or whose workers
-    have several threads; `MissingExtra` if Dask is not installed.
+    run or the tables of other runs, or in which another study runs, and for a cluster that cannot
+    be reached or whose workers have several threads; `MissingExtra` if Dask is not installed.
     """
     for recipe in variants.values():
         if recipe.steps < BIN:
@@ -112,6 +112,9 @@ def run_study(
     if (out / SAVED).exists():
         raise InputError(f"{out}: holds a single run; choose another folder")
     call, grid = _Call(out / GOING), [(name, seed) for seed in range(seeds) for name in variants]
+    told = read_json(out / "about.json").get("runs", {}) if (out / "about.json").exists() else {}
+    if others := told.keys() - {f"{name}-{seed}" for name, seed in grid}:
+        raise InputError(f"{out}: holds a study with {min(others)}, too; choose another folder")
     with locked(out), call.begun(), _workers(cluster, jobs) as parallel, deferred_stop(call.end):
         runs = ((variants[name], seed, out / f"{name}-{seed}") for name, seed in grid)
         done = parallel(joblib.delayed(_run)(scenario, *run, command, call) for run in runs)
