@@ -40,10 +40,18 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from uavdh_lite.checkpoint import save_agent
+from uavdh_lite.city import City
 from uavdh_lite.ddqn import ddqn_target
 from uavdh_lite.environment import ACTIONS, LAND, REPORTED, State
 from uavdh_lite.errors import InputError
-from uavdh_lite.experiments.runs import SAVED, identity, restore_run, save_run
+from uavdh_lite.experiments.runs import (
+    SAVED,
+    identity,
+    require_own,
+    require_whole,
+    restore_run,
+    save_run,
+)
 from uavdh_lite.experiments.study import variants_of
 from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
@@ -66,8 +74,10 @@ FREE += ("temperature", "crash_reward", "validation_interval", "validation_episo
 HEAT, RATE, ROOT, HEAD, FILLED = range(5)
 
 
-def require_plain(recipe: Recipe) -> None:
-    """Raise `InputError` for a recipe with parts that a fleet does not compute."""
+def require_plain(recipe: Recipe, cities: tuple[City, ...]) -> None:
+    """Raise `InputError` for several cities, and for parts of a recipe that no fleet computes."""
+    if len(cities) > 1:
+        raise InputError(f"a fleet flies over a single city, not over {len(cities)}")
     values, usual = recipe.as_json(), PLAIN.as_json()
     other = {name: value for name, value in values.items() if value != usual.get(name)}
     if unknown := other.keys() - set(FREE):
@@ -344,7 +354,7 @@ class Fleet:
         self.runs, self.trainers = runs, [run.trainer for run in runs]
         self.device, first = device, runs[0].trainer
         self.recipe = recipe = first.recipe
-        require_plain(recipe)
+        require_plain(recipe, first.environment.cities)
         self.R, self.N, self.K = len(runs), recipe.environments, first.scenario.max_devices
         self.F, self.L = 2 + 3 * self.K, len(first.replay.action)
         self.world = World(first.learner.observation, self.K, device)
@@ -707,8 +717,11 @@ class Run:
 
     def __init__(self, folder: Path, trainer: Trainer, how: dict):
         self.folder, self.trainer, self.how = folder, trainer, how
+        require_whole(folder, resume=True)
         if (folder / SAVED).exists():
             restore_run(folder / SAVED, trainer)
+            run = identity(trainer) | {"steps": trainer.steps}
+            require_own(folder / "best.safetensors", run, {trainer.best_steps})
 
     def write(self, agent: str | None = None) -> None:
         """Write the tables and how the run was made, and an agent under this name."""

@@ -27,7 +27,9 @@ from scipy.special import stdtrit
 
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import described
 from uavdh_lite.environment import Environment, State
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Interval, Policy, evaluate, in_flight, mean_interval
 from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy, Random
@@ -132,6 +134,9 @@ def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[np.ndarray, 
         policy = row.policy(environment)
     else:
         agent = load_agent(DATA.parent / name)
+        if not agent.knows(environment.cities):
+            trained = described(agent.trained_in)
+            raise InputError(f"{name}: was trained in {trained}, not in {scenario}")
         policy = agent.over(environment.cities)
         environment, steps = policy.environment, agent.training["steps"]
     records = evaluate(environment, policy, find_scenario(scenario), missions, SEED).records()

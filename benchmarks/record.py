@@ -23,16 +23,23 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from functools import partial
 from glob import escape
 from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
 
 from uavdh_lite.checkpoint import load, load_agent, save
+from uavdh_lite.cli.options import presets
 from uavdh_lite.errors import InputError
-from uavdh_lite.storage import read_json, read_table, write_json, write_table
+from uavdh_lite.experiments.runs import require_own
+from uavdh_lite.experiments.study import changes_of
+from uavdh_lite.recipe import recipe_from_json
+from uavdh_lite.storage import read_json, read_table, write_atomically, write_json, write_table
+from uavdh_lite.training import judged
 
 ROOT = Path(__file__).parents[1]
 RUNS, AGENTS = ROOT / "data" / "runs", ROOT / "data" / "agents"
@@ -79,7 +86,13 @@ def state(study: str) -> str:
     about = RUNS / f"{study}.json"
     if not about.exists():
         return "not recorded"
-    made_by = read_json(about).get("golden", "")
+    entry, recorded = studies()[study], read_json(about)
+    made_by, runs = recorded.get("golden", ""), recorded.get("runs", {})
+    files = [RUNS / f"{study}{end}.csv.gz" for end in (["", "-training"] if runs else [""])]
+    for name, how in runs.items():
+        files += _agents(study, entry, name.rpartition("-")[0], how["seed"])
+    if lost := [path.name for path in files if not path.exists()]:
+        return f"recorded without {', '.join(lost)}"
     if made_by in (digest(), *_list().get("same", ())):
         return ""
     return f"made by another program, whose golden arrays are {made_by or 'not known'}"
@@ -93,9 +106,9 @@ def make(study: str, jobs: int = 1) -> None:
     entry, begun = studies()[study], ROOT / "runs" / study / "golden"
     if "runs" in entry:
         begun.parent.mkdir(parents=True, exist_ok=True)
-        if not begun.exists():
+        if not begun.exists() and not [*begun.parent.rglob("*.safetensors")]:
             begun.write_text(digest())
-        if begun.read_text() != digest():
+        if not begun.exists() or begun.read_text() != digest():
             raise InputError(f"{begun.parent}: begun by another program: move it away")
     for line in entry["command"].split(" && "):
         command = shlex.split(line)
@@ -111,52 +124,86 @@ def make(study: str, jobs: int = 1) -> None:
         write_json(about, read_json(about) | {"golden": digest()})
 
 
-def finished(run: Path, name: str, steps: int | None) -> dict:
+def finished(run: Path, variant: str, entry: dict) -> dict:
     """What a run says of itself; `InputError` unless it is `NAME-SEED` with all of its steps."""
-    how = read_json(run / "about.json")
-    if run.name != f"{name}-{how['seed']}":
+    how, name, stop = read_json(run / "about.json"), entry["runs"][variant], entry.get("steps")
+    if run.name != f"{Path(name).name}-{how['seed']}":
         raise InputError(f"{run}: is seed {how['seed']}: its folder must be {name}-{how['seed']}")
-    if how["steps"] < (steps := steps or how["recipe"]["steps"]):
-        raise InputError(f"{run}: has {how['steps']} of {steps} steps: let it go on to the end")
+    steps = stop or how["recipe"]["steps"]
+    if how["steps"] < steps or (stop and how["steps"] != stop):
+        raise InputError(f"{run}: has {how['steps']} of {steps} steps: take one with all, no more")
     return how
+
+
+def require_one_study(entry: dict, runs: list[tuple[str, Path, dict]]) -> None:
+    """Raise `InputError` for a run that is not of the listed command, of the others, of its name.
+
+    What `FIELD=VALUE` in its name says is in its recipe, and nothing else differs from the others
+    that the same command made. With another name, it has the recipe of the others of its variant.
+    """
+    asked = [presets(shlex.split(line)) for line in entry["command"].split(" && ")]
+    known = [(scenario.name, recipe.name) for scenario, recipe in asked]
+    alike: dict[str, tuple[dict, dict]] = {}
+    for variant, run, how in runs:
+        name, recipe = entry["runs"][variant], how["recipe"]
+        part, _, text = name.rpartition("/")
+        changes = changes_of(text) if "=" in text else {}
+        of_command = "=" in text or text == "as_it_is"
+        usual, others = alike.setdefault(part if of_command else name, (recipe, changes))
+        free = {*changes, *others}
+        for what, right in (
+            ("scenario and recipe", (how["scenario"]["name"], recipe["name"]) in known),
+            ("number of threads", how["threads"] == 1),
+            *((key, how[key] == runs[0][2][key]) for key in ("scenario", "cities")),
+            *((key, recipe.get(key) == value) for key, value in changes.items()),
+            *((key, recipe.get(key) == usual.get(key)) for key in {*recipe, *usual} - free),
+        ):
+            if not right:
+                raise InputError(f"{run}: another {what} than its study has")
 
 
 def gather(study: str, folder: Path, commit: str = "") -> None:
     """Record a study from its runs: every `NAME-SEED` in the folder, for each of its variants.
 
-    Raises `InputError` that names a folder which is none of these or not finished, and if it is not
-    known which program made them: neither is there a commit nor the folder's file `golden`.
+    Nothing is written before all is found right. Agents of seeds that are not among them go.
+
+    Raises `InputError` that names a folder which is none of these, not finished or of another study
+    or with another run's agent, and if it is not known which program made them: neither is there a
+    commit nor the folder's file `golden`.
     """
     entry, made_by = studies()[study], folder / "golden"
     if not commit and not made_by.exists():
         raise InputError(f"{folder}: which program made these runs? name it with --commit")
     golden = digest(commit) if commit else made_by.read_text()
-    tables: dict[str, list[dict]] = {"validation": [], "training": []}
-    about, recipes = {}, {}
     runs = [
-        (variant, run, finished(run, name, entry.get("steps")))
+        (variant, run, finished(run, variant, entry))
         for variant, name in entry["runs"].items()
         for run in sorted(folder.glob(f"{escape(name)}-[0-9]*"))
     ]
-    for variant, run, how in runs:  # all of them are finished
-        about[f"{variant}-{how['seed']}"] = how
-        recipes[variant] = how["recipe"]
-        for table, rows in tables.items():
-            columns = read_table(run / f"{table}.csv")
-            for i in range(len(columns["steps"])):
-                row = {"variant": variant, "seed": how["seed"]}
-                rows.append(row | {key: _number(v[i]) for key, v in columns.items()})
-        kept = []
-        if entry.get("agents", True):
-            kept.append(AGENTS / f"{study}-{variant}-{how['seed']}.safetensors")
-        if "ships" in entry and how["seed"] == 0:
-            kept.append(SHIPPED / f"{entry['ships']}.safetensors")
-        if kept:
-            rounded(run / "best.safetensors", kept[0])
-        for other in kept[1:]:  # the same bytes
-            shutil.copyfile(kept[0], other)
-    if not about:
+    if not runs:
         raise InputError(f"{folder}: no runs {' or '.join(entry['runs'].values())}-SEED in it")
+    require_one_study(entry, runs)
+    tables: dict[str, list[dict]] = {"validation": [], "training": []}
+    about, recipes, agents = {}, {}, {}
+    with TemporaryDirectory() as made:
+        for variant, run, how in runs:
+            own = {table: _rows(run / f"{table}.csv") for table in tables}
+            for table, rows in tables.items():
+                rows += [{"variant": variant, "seed": how["seed"]} | row for row in own[table]]
+            about[f"{variant}-{how['seed']}"], recipes[variant] = how, how["recipe"]
+            if kept := _agents(study, entry, variant, how["seed"]):
+                best, copy = run / "best.safetensors", Path(made, f"{len(agents)}.safetensors")
+                scores = judged(recipe_from_json(how["recipe"]), own["training"], own["validation"])
+                top = [steps for steps, score in scores.items() if score == max(scores.values())]
+                require_own(best, how | {"steps": np.inf}, set(top or [how["steps"]]))
+                rounded(best, copy)
+                agents |= dict.fromkeys(kept, copy)
+        for path, copy in agents.items():
+            write_atomically(path, partial(shutil.copyfile, copy))
+    for variant in entry["runs"]:
+        for path in AGENTS.glob(f"{escape(f'{study}-{variant}')}-[0-9]*.safetensors"):
+            if path not in agents:
+                path.unlink()
     first, usual = next(iter(about.values())), next(iter(recipes.values()))
     changed = {
         variant: recipe
@@ -177,6 +224,20 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
         | {"runs": {name: {k: how[k] for k in OF_RUN} for name, how in about.items()}}
         | {"recipes": changed},
     )
+
+
+def _agents(study: str, entry: dict, variant: str, seed: int) -> list[Path]:
+    """The files that the agent of a run is kept in."""
+    kept = [AGENTS / f"{study}-{variant}-{seed}.safetensors"] if entry.get("agents", True) else []
+    if "ships" in entry and seed == 0:
+        kept.append(SHIPPED / f"{entry['ships']}.safetensors")
+    return kept
+
+
+def _rows(path: Path) -> list[dict]:
+    columns = read_table(path)
+    rows = zip(*columns.values(), strict=True)
+    return [dict(zip(columns, map(_number, row), strict=True)) for row in rows]
 
 
 def _number(value: float) -> float | int | None:

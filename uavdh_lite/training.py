@@ -237,7 +237,7 @@ class Trainer:
         Of equal ones the first counts. A run too short to judge any keeps the last.
         """
         scores = judged(self.recipe, self.training_rows, self.validation_rows)
-        return max(scores, key=scores.get, default=self.steps if self.finished else None)
+        return max(scores, key=scores.__getitem__, default=self.steps if self.finished else None)
 
     @property
     def progress(self) -> dict:

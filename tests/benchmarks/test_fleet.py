@@ -189,6 +189,12 @@ def test_a_run_that_was_stopped_goes_on_here_and_with_the_library(tmp_path, monk
     assert load_agent(tmp_path / "learning_rate=0.001-0" / "last.safetensors")
 
 
-def test_what_a_fleet_does_not_compute_is_named(build):
+def test_what_a_fleet_does_not_compute_or_cannot_continue_is_named(build, tmp_path):
     with pytest.raises(InputError, match=r"with another .*leak"):
         build(LITE)
+    with pytest.raises(InputError, match="over a single city, not over 2"):
+        build(TINY, scenario=replace(VILLAGE, city="random:2:0:8"))
+    (tmp_path / "0").mkdir()
+    (tmp_path / "0" / "validation.csv").touch()
+    with pytest.raises(InputError, match="holds a run without its training"):
+        build(TINY)

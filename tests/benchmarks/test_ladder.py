@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import ladder
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate, mean_interval
 from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy
@@ -33,6 +34,12 @@ def test_agents_and_rules_fly_as_many_missions_as_are_asked_for():
     for row, policy in (("greedy", "greedy"), ("ddqn", name)):
         records, steps = ladder.fly(rows[row], policy, "manhattan", 20)
         assert (steps > 0) == (row == "ddqn") and records.shape == (len(ladder.METRICS), 20)
+
+
+def test_an_agent_of_another_city_is_refused_whatever_its_file_is_called():
+    row = ladder.Row("copied", (), agents="ddqn-{}-lite-*")
+    with pytest.raises(InputError, match=r"was trained in manhattan .*, not in open_field"):
+        ladder.fly(row, "data/checkpoints/manhattan.safetensors", "open_field", 2)
 
 
 def test_the_interval_of_runs_is_students_where_runs_alone_differ():

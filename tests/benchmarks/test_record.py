@@ -1,7 +1,7 @@
 """The list of recorded studies: runs become tables and agents, and it is known what made them."""
 
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from benchmarks import record
-from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.beyond.recipes import BeyondRecipe
+from uavdh_lite.checkpoint import load, load_agent, save, shipped_agents
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import runs
 from uavdh_lite.recipe import find_recipe
@@ -23,9 +24,9 @@ LIST = """
 
 [studies.tiny]
 what = "Two short runs"
-command = "python -m uavdh_lite study && python -m uavdh_lite study --out runs/tiny/more"
-runs = { first = "one", second = "other" }
-"""
+command = "python -m uavdh_lite study {0} && python -m uavdh_lite study {0} --out runs/tiny/more"
+runs = {{ first = "one", second = "other" }}
+""".format("--scenario village --recipe small")
 TINY = replace(
     find_recipe("small"), steps=5_200, replay_prefill=5_000, validation_interval=2_600,
     validation_episodes=20, hidden=(8,),
@@ -36,7 +37,8 @@ TINY = replace(
 def trained(tmp_path_factory) -> Path:
     """A folder with two runs."""
     out = tmp_path_factory.mktemp("trained")
-    for name, recipe in {"one": TINY, "other": replace(TINY, discount=0.9)}.items():
+    other = BeyondRecipe(**asdict(TINY) | {"discount": 0.9, "failsafe": True})
+    for name, recipe in {"one": TINY, "other": other}.items():
         trainer = Trainer(find_scenario("village"), recipe, seed=3)
         runs.train(trainer, out / f"{name}-3", show_progress=False)
     return out
@@ -56,14 +58,16 @@ def folder(trained, tmp_path, monkeypatch) -> Path:
 def test_runs_become_tables_with_what_changes_and_rounded_agents(folder):
     """Variants may have recipes of two kinds."""
     assert record.state("tiny") == "not recorded"
-    about = read_json(folder / "other-3/about.json")
-    about["recipe"]["failsafe"] = True
-    write_json(folder / "other-3/about.json", about)
+    of_a_seed_that_is_gone = folder / "agents/tiny-first-2.safetensors"
+    of_a_seed_that_is_gone.parent.mkdir()
+    of_a_seed_that_is_gone.touch()
     record.gather("tiny", folder, "HEAD")
+    assert not of_a_seed_that_is_gone.exists()
     about = read_json(folder / "runs/tiny.json")
     assert about["runs"]["first-3"]["steps"] == 5_200
     assert list(about["runs"]) == ["first-3", "second-3"]
-    assert about["recipes"]["second"] == {"discount": 0.9, "failsafe": True}
+    second = {"kind": "BeyondRecipe", "discount": 0.9, "failsafe": True}
+    assert about["recipes"]["second"].items() >= second.items()
     assert about["recipes"]["first"]["hidden"] == [8]
     table = read_table(folder / "runs/tiny.csv.gz")
     own = read_table(folder / "one-3/validation.csv")
@@ -87,8 +91,47 @@ def test_only_finished_runs_of_a_known_program_are_recorded_under_their_own_name
     about = read_json(folder / "other-3/about.json")
     write_json(folder / "other-3/about.json", about | {"steps": 1_400})
     refused("other-3: has 1400 of 5200 steps", "HEAD")
-    (folder / "runs/list.toml").write_text(f"{LIST}steps = 1400\n")  # as the study has them
-    record.gather("tiny", folder, "HEAD")
+    (folder / "runs/list.toml").write_text(f"{LIST}steps = 1400\n")
+    refused("one-3: has 5200 of 1400 steps", "HEAD")
+    write_json(
+        folder / "one-3/about.json", read_json(folder / "one-3/about.json") | {"steps": 1_400}
+    )
+    record.gather("tiny", folder, "HEAD")  # as the study has them
+
+
+def test_runs_of_another_study_and_agents_of_another_run_are_not_recorded(folder):
+    """Whatever their folders are called; seed 4 and a `leak` that is none are copies."""
+    names = {"one": "as_it_is", "other": "leak=0"}
+    text = LIST.replace('"one"', '"as_it_is"').replace('"other"', '"leak=0"')
+    (folder / "runs/list.toml").write_text(text)
+    for name, called in names.items():
+        (folder / f"{name}-3").rename(folder / f"{called}-3")
+    shutil.rmtree(folder / "leak=0-3")
+    shutil.copytree(folder / "as_it_is-3", folder / "leak=0-3")
+    record.gather("tiny", folder, "HEAD")  # a leak of 0 is what TINY has
+    (folder / "agents/tiny-second-3.safetensors").unlink()
+    assert record.state("tiny") == "recorded without tiny-second-3.safetensors"
+    best, about = folder / "leak=0-3/best.safetensors", folder / "leak=0-3/about.json"
+    content, right = best.read_bytes(), read_json(about)
+    recipe, scenario = right["recipe"], right["scenario"]
+    for change, named in (
+        ({"recipe": recipe | {"leak": 0.1}}, "leak=0-3: another leak"),
+        ({"recipe": recipe | {"discount": 0.9}}, "leak=0-3: another discount"),
+        ({"scenario": scenario | {"name": "harbour"}}, "leak=0-3: another scenario and"),
+        ({"scenario": scenario | {"data": [1, 2]}}, "leak=0-3: another scenario than"),
+        ({"cities": "0"}, "leak=0-3: another cities"),
+        ({"threads": 2}, "leak=0-3: another number of threads"),
+        ({}, "best.safetensors: not the best agent of this run"),
+    ):
+        write_json(about, right | change)
+        if not change:
+            tensors, kept = load(best, "agent")
+            kept["training"]["seed"] = 4
+            save(best, "agent", tensors, kept)
+        with pytest.raises(InputError, match=named):
+            record.gather("tiny", folder, "HEAD")
+        best.write_bytes(content)
+    assert not (folder / "agents/tiny-second-3.safetensors").exists()
 
 
 def test_a_study_is_of_today_by_the_digest_that_it_was_recorded_with(folder, monkeypatch):
@@ -153,7 +196,8 @@ def test_every_shipped_agent_is_named_by_the_study_that_makes_it():
 def test_a_command_makes_its_runs_and_they_are_recorded(folder, monkeypatch):
     def run(command, cwd, check):
         name, out = lines.pop(0)
-        assert command[1:] == ["-m", "uavdh_lite", "study", "--out", out, "--jobs", "2"]
+        words = " ".join([*command[1:4], *command[-4:]])
+        assert words == f"-m uavdh_lite study --out {out} --jobs 2"
         (cwd / "runs/tiny").mkdir(exist_ok=True)
         (folder / name).rename(cwd / "runs/tiny" / name)
 
@@ -167,3 +211,6 @@ def test_a_command_makes_its_runs_and_they_are_recorded(folder, monkeypatch):
     monkeypatch.setattr(record, "digest", lambda commit="": "fedcba9876543210")
     with pytest.raises(InputError, match="begun by another program"):
         record.make("tiny")
+    (folder / "runs/tiny/golden").unlink()
+    with pytest.raises(InputError, match="begun by another program"):
+        record.make("tiny")  # by which is not known

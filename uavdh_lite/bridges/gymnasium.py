@@ -27,7 +27,7 @@ with extra("gym"):
     from gymnasium.vector.utils import batch_space
 
 ID = "uavdh_lite/DataHarvesting-v0"
-WRAPPERS = (gymnasium.ActionWrapper, gymnasium.ObservationWrapper)
+WRAPPERS: tuple = (gymnasium.ActionWrapper, gymnasium.ObservationWrapper)
 WRAPPERS += (VectorActionWrapper, VectorObservationWrapper)
 
 
@@ -257,11 +257,13 @@ def as_policy(env: gymnasium.Env | VectorEnv, predict: Callable, masked: bool = 
 
     Raises `InputError` if a wrapper changes actions or observations: here `predict` must do that.
     """
-    one: Any = env  # in the end a DataHarvesting, or a batch of them
-    while one is not env.unwrapped:
-        if isinstance(one, WRAPPERS):
-            raise InputError(f"{type(one).__name__} would be left out: let predict do what it does")
-        one = one.env
+    one: Any = env.unwrapped  # a DataHarvesting, or a batch of them
+    around: Any = env
+    while around is not one:
+        if isinstance(around, WRAPPERS):
+            name = type(around).__name__
+            raise InputError(f"{name} would be left out: let predict do what it does")
+        around = around.env
 
     def act(state: State) -> np.ndarray:
         masks = [one.environment.allowed_actions(state)] if masked else []

@@ -48,19 +48,25 @@ def variants_of(recipe: Recipe, changes: Iterable[str]) -> dict[str, Recipe]:
     return {text: _changed(recipe, text) for text in changes}
 
 
-def _changed(recipe: Recipe, text: str) -> Recipe:
-    known = {field.name for field in fields(recipe) if "help" in field.metadata}
+def changes_of(text: str) -> dict[str, Any]:
+    """The fields and values that a variant's text names; a part without `=` is of no field."""
     values: dict[str, Any] = {}
     for part in re.split(r",(?=\w+=)", text) if text != "as_it_is" else ():
         name, equals, written = part.partition("=")
-        if name not in known or not equals:
-            raise InputError(
-                f"variant {shown(text)}: write FIELD=VALUE, such as leak=0 or layer_norm=false"
-            )
         try:
-            values[name] = json.loads(written)
+            values[name if equals else ""] = json.loads(written)
         except (ValueError, RecursionError):
-            values[name] = written
+            values[name if equals else ""] = written
+    return values
+
+
+def _changed(recipe: Recipe, text: str) -> Recipe:
+    known = {field.name for field in fields(recipe) if "help" in field.metadata}
+    values = changes_of(text)
+    if not values.keys() <= known:
+        raise InputError(
+            f"variant {shown(text)}: write FIELD=VALUE, such as leak=0 or layer_norm=false"
+        )
     try:
         return replace(recipe, **values)
     except InputError as error:
