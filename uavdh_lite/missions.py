@@ -133,7 +133,8 @@ class Mission:
         """The first state; raises `InputError` if the environment has another city."""
         if fingerprint_of(environment.cities) != self.city.fingerprint:
             here, there = described((self.city,)), described(environment.cities)
-            raise InputError(f"this mission is over {here}, not {there}: Environment(mission.city)")
+            fitting = "fly it in Environment(mission.city)"
+            raise InputError(f"this mission is over {here}, not over {there}: {fitting}")
         return self.state
 
     def fly(self, environment: Environment, policy: Policy) -> Flights:
