@@ -197,7 +197,8 @@ figure
 # Trees, signs and vehicles make a signal stronger or weaker than the distance alone would suggest.
 # This is *shadow fading*. It stands for things that the map does not show. The model adds $\eta_l$
 # to the SNR: a normally distributed number of decibels with mean 0 and a variance of 2 dB² in sight
-# and 5 dB² behind a building, drawn anew for every slot and device. Why normal, and why in
+# and 5 dB² behind a building, where the signal comes by several detours, drawn anew for every slot
+# and device. Why normal, and why in
 # decibels? Each obstacle multiplies the power by some factor, so in decibels the effects add up,
 # and a sum of many independent effects is nearly normal. Such a power is called *log-normal*.
 #

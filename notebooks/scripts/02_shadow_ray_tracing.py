@@ -66,7 +66,8 @@ figure
 # bending round edges, which is called *diffraction*.)
 #
 # This model of line of sight is flat: it ignores height. A UAV above a low building has no device
-# in sight, although from a real roof you could look down into the street.
+# in sight, although from a real roof you could look down into the street: a ray that falls from 10 m
+# to a device 40 m away is still 2.5 m high 10 m before it.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 

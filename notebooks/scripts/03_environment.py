@@ -140,8 +140,8 @@ figure
 # %% [markdown]
 # The black line falls in a step that brings less than 0.2 units of data, and rises in one that
 # brings more. Its last value is the return. An agent that looked no further than the next reward
-# would land where a step brings less, because landing costs nothing; it has to learn that a costly step may pay for
-# itself later. When data comes in after thirty steps, which of those steps deserve the credit? This
+# would go home where a step brings less, because landing costs nothing; it has to learn that a
+# costly step may pay for itself later. When data comes in after thirty steps, which of those steps deserve the credit? This
 # is the problem of **credit assignment** (notebook 6).
 #
 # Why is data paid for when it comes in, and not on landing, when the score counts it? Because a
@@ -166,7 +166,8 @@ for action in (NORTH, NORTH):
 # %% [markdown]
 # The first move costs 0.2, but brings in 0.1 data units. The second move would take the UAV off the
 # map, so it hovers instead, at an extra cost of 1. The DDQN agent learned from the action that it
-# chose, not from the hovering, because it is the choice that has to be discouraged.
+# chose, not from the hovering, because it is the choice that has to be discouraged. (If the flight
+# ended with the first wrong move, a beginner would hardly see anything of the city.)
 #
 # The controller is part of the UAV, not of the training: even the trained agent makes a few wrong
 # moves in every hundred missions. One could also remove the forbidden actions from its choices,
@@ -222,7 +223,7 @@ figure
 # loudest of the others sends.
 #
 # Choosing the loudest uses luck: the more devices compete, the likelier it is that one of them is
-# lucky. With five equally strong links of 0 dB the loudest carries 1.31 units in a slot on average,
+# lucky. With five links of 0 dB in sight the loudest carries 1.31 units in a slot on average,
 # and a single one 1.02. This is **multi-user diversity**. But the rule takes no account of how much
 # data a device has, or of fairness: a device that is never the loudest never sends.
 #

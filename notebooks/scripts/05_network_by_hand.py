@@ -10,8 +10,8 @@
 # # 5 · A network by hand
 #
 # The agent's network turns the five pictures of notebook 4 into six numbers, one for each action.
-# **How can a formula look at a picture, and how does it learn what to look for?** Here is the whole
-# network:
+# **How can a formula look at a picture, and how does it learn what to look for?** Here is the
+# paper's network; you will build a smaller one:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -136,10 +136,13 @@ ax.set(xlabel="weight", ylabel="loss");
 # Read the slopes from right to left. If $y$ grows a little, the loss changes by $-6$ times as much.
 # If $w_2$ grows, $y$ grows $h=1.5$ times as much: the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$
 # grows, $y$ grows $w_2=2$ times as much: the slope at $h$ is $-12$. (Where a ReLU gives 0, its
-# slope is 0, and the weights before it learn nothing.) If $w_1$ grows, $h$ grows $x=3$ times as
+# slope is 0, and the weights before it learn nothing. Where a number feeds several neurons or
+# examples, its slopes add up.) If $w_1$ grows, $h$ grows $x=3$ times as
 # much: the slope at $w_1$ is $-36$. Each slope is one to its right times a number that the forward
 # pass has left, so one backward pass gives the slopes of *all* weights. This is
 # **backpropagation**.
+#
+# (To check a slope, move the weight by 0.001 to either side: the loss changes by 0.002 times it.)
 #
 # PyTorch does the same. Its arrays, **tensors**, remember how they were computed:
 
@@ -304,7 +307,8 @@ print(f"{sum(weights.numel() for weights in network.parameters()):,} weights")
 # field**. A unit of the second convolution sees 3 units of the first along each side, whose windows
 # are 3 cells wide and 2 apart: $3+2\cdot2=7$ cells. Together the units read all of your map. Where
 # windows do not come out even, the last rows and columns are never read, as in the agent of
-# notebook 0.
+# notebook 0. (A *recipe* is the library's word for all constants of a training; `paper` has the
+# authors'.)
 #
 # | layer | recipe `paper`, a city of 16 × 16 | yours |
 # | --- | --- | --- |
@@ -323,7 +327,7 @@ print(f"{sum(weights.numel() for weights in network.parameters()):,} weights")
 #
 # - Gradient descent moves each weight downhill; backpropagation finds all slopes at once.
 # - A convolution moves one neuron across a picture, so what it learns in one place holds in all
-#   others. With centred maps, even a dense network has this.
+#   others. With centred maps, what even a dense network learns holds wherever the UAV is.
 # - The network of your agent is written. What it should say is the subject of [notebook
 #   6](06_ddqn.ipynb).
 #

@@ -9,7 +9,7 @@
 # %% [markdown]
 # # 6 · From Q-learning to DDQN
 #
-# In the corner of the village stands a device. Nobody has told the UAV where, and only the very last
+# Near a corner of the village stands a device. Nobody has told the UAV where, and only the very last
 # step brings a reward. Yet from flights *at random* every cell can learn the way:
 
 # %% tags=["remove-cell"]

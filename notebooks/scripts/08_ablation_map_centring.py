@@ -85,11 +85,10 @@ village = Environment(load_city("village"))
 state = VILLAGE.sample(village, 1, stream(Use.LAB))
 later = replace(state, uav_cell=state.uav_cell + 3 * 8 + 2)
 pictures = {}
-for arm in ARMS:
-    see = Observation(village, arm)
-    (before, _), (after, _) = see(state), see(later)
-    pictures |= {f"{arm}: buildings": before[0, 2], f"{arm}: later": after[0, 2]}
-pictures |= {"its UAV": before[0, 5], "later": after[0, 5]}  # of the arm without centring
+for when, seen in (("before", state), ("later", later)):
+    maps = {arm: Observation(village, arm)(seen)[0][0] for arm in ARMS}
+    pictures |= {f"{arm.replace('_', ' ')}, {when}": layers[2] for arm, layers in maps.items()}
+    pictures[f"its UAV, {when}"] = maps["non_centred"][5]  # of the arm without centring
 draw_maps(pictures)
 
 # %% [markdown]
@@ -97,6 +96,8 @@ draw_maps(pictures)
 # always in the same place of the picture. Without centring the city stays where it is, and one more
 # layer has a single 1 in the UAV's cell. Both maps hold the same information; what differs is how
 # hard it is to use: to know what is *near*, the second network must find that 1 and look around it.
+# (The city in place stands in a frame of the same size, so the second network has only the weights
+# of that layer more.)
 #
 # ## 8.2 Train both arms
 #
@@ -213,10 +214,10 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(3.5, -0.5));
 # A bar on one side of 0 says that the centred map is ahead in runs like these. At the end of `lite`
 # the bar contains 0: these runs do not say which arm is better there.
 #
-# **Pairing helps where a pair shares its luck.** Runs with the same seed share the first weights
-# and missions, but after a few hundred steps they have flown apart, so pairing *them* buys hardly
-# anything. *Missions* are another matter: a hard mission is hard for every pilot. Here are greedy
-# and the DDQN agent on the same 1000 missions:
+# **Pairing helps where a pair shares its luck.** Runs with the same seed begin with the same
+# missions, but after a few hundred steps they have flown apart, so pairing *them* buys hardly
+# anything. *Missions* are another matter: a mission that is hard for one pilot is often hard for
+# others. Here are greedy and the DDQN agent on the same 1000 missions:
 
 # %%
 flights = read_table(data_folder() / "runs/comparison-manhattan.csv.gz")
@@ -316,7 +317,7 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # | question | what these runs say |
 # | --- | --- |
 # | Does an agent learn faster with the centred map? | Yes, in all three experiments, by *collected and landed* |
-# | Is it better in the end? | With `plain` and in the village, yes. With `lite` over Manhattan the interval at the end contains 0 |
+# | Is it better at the end of these runs? | With `plain` and in the village, yes. With `lite` over Manhattan the interval at the end contains 0 |
 # | Is the paper right? | Its claim holds for its own method: with `plain` the gap is wide. It is not a law for every learner |
 # | Does centring make an agent independent of the place? | No: moved landing zones confuse it (8.5) |
 #

@@ -214,10 +214,11 @@ learned = {name: learn(see) for name, see in pilots.items()}
 # %% tags=["hide-input"]
 figure = Figure(figsize=(6, 3), layout="constrained")
 ax = figure.subplots()
-greedy = evaluate(safe, Greedy(safe), VILLAGE, 200, seed=1).returns.mean()
+for name, one, style in (("greedy", Greedy(safe), ":"), ("your agent", yours, "-.")):
+    ax.axhline(evaluate(safe, one, VILLAGE, 200, seed=1).returns.mean(), color="grey", ls=style,
+               label=f"{name}, with the failsafe")
 for (name, (_, returns)), style in zip(learned.items(), ("C1s--", "C0o-")):
     ax.plot(*zip(*returns), style, ms=4, label=name)
-ax.axhline(greedy, color="grey", ls=":", label="greedy")
 ax.set(xlabel="environment steps", ylabel="return")
 ax.legend()
 figure
@@ -267,6 +268,9 @@ for city in (village, other):
         flown[name] = evaluate(world, act, VILLAGE, 300, seed=2)
     flown["greedy"] = evaluate(world, Greedy(world), VILLAGE, 300, seed=2)
     bars[city.name] = {name: flights.returns.mean() for name, flights in flown.items()}
+    refused = {name: round(flights.records()["safety_interventions"].mean(), 1)
+               for name, flights in flown.items()}
+    print(f"actions refused in a mission over the {city.name}:", refused)
 
 # %% tags=["hide-input"]
 figure = Figure(figsize=(7.5, 2.6), layout="constrained")
@@ -283,8 +287,8 @@ beside_greedy(Safe(other))
 # Over its own village half a minute of learning takes an agent most of the way from chance to the
 # rule. Over the hamlet both are lost, although they see the map: they have only ever seen one city,
 # and what they know by heart (8.5) is wrong there. What is *told* is right there, too, and yet that
-# agent does worst of all, because it flies against walls that it does not expect and is refused
-# again and again. What would help? **Many cities** to learn in: see 9.5.
+# agent does worst of all, because it tries again and again what is refused. What would help?
+# **Many cities** to learn in: see 9.5.
 #
 # ### The last flight
 #
@@ -314,11 +318,12 @@ play(safe, {name: flights.trajectory(0) for name, flights in flown.items()})
 #
 # ## 9.4 Learn on
 #
-# A copy makes small mistakes, which take it to states where it never saw the genie act; and the
-# genie plans without fading. Reward can teach the rest. The agent flies each mission several times
-# and compares each return with the mean of the others. The difference is the flight's **advantage**
-# $A$: with returns of 30 and 20, the actions of the first flight become more likely ($A=+10$) and
-# those of the second less ($A=-10$). The mean, a **baseline**, does not depend on the action, so
+# A copy makes small mistakes, which take it to states where it rarely saw the genie act (so ours
+# also asks the genie in such states, notebook 12); and the genie plans without fading. Reward can
+# teach the rest. The agent flies each mission several times and compares each return with the mean
+# of the others. The difference is the flight's **advantage** $A$: with returns of 30 and 20, the
+# actions of the first flight become more likely ($A=+10$) and those of the second less ($A=-10$).
+# The mean, a **baseline**, does not depend on the action, so
 # subtracting it changes nothing on average; it takes away luck that all flights share. The loss is
 # that of 9.3, weighted by $A$:
 #
