@@ -219,7 +219,7 @@ function aboutCell({ city, devices }, [row, col], { amounts }) {
     if (y === row && x === col) texts.push(`device ${number}, ${amounts[k].toFixed(1)} units left`);
   });
   const seen = devices.filter(({ hidden }) => hidden[row][col] === ".").map(({ number }) => number);
-  texts.push(`devices in sight: ${seen.join(", ") || "none"}`);
+  texts.push(seen.length ? `in sight: device ${seen.join(", ")}` : "no device in sight");
   return `${texts.join("; ")}.`;
 }
 

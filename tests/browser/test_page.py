@@ -279,7 +279,7 @@ def test_two_flights_are_compared_over_one_map_and_one_chart(page):
     slider = page.get_by_role("slider", name="step")
     page.get_by_role("button", name="Where they part").click()
     step = int(re.search(r"step (\d+)", page.locator("#panel .row button").first.inner_text())[1])
-    expect(slider).to_have_value(str(step - 1))
+    expect(slider).to_have_value(str(step))
     box = page.locator(".chart svg").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 20)  # one cursor for all
     last = int(slider.get_attribute("max"))

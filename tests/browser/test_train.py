@@ -100,7 +100,7 @@ def test_it_learns_while_one_looks_and_python_loads_what_it_learned(page, tmp_pa
 
 def test_another_network_begins_anew_and_a_second_run_says_how_it_differs(page):
     turn(page, "layer norm", 1)
-    expect(page.locator(".word")).to_contain_text("anew")
+    expect(page.locator(".word")).to_contain_text("Restarts")
     until(page, lambda: steps(page) == 0)
     assert page.locator(".graph .past").count() == 4
     press(page, "Step")
@@ -128,6 +128,6 @@ def test_another_network_begins_anew_and_a_second_run_says_how_it_differs(page):
     turn(page, "layer norm", 1)
     expect(page.locator(".run.blue small")).to_have_text("over village")
     expect(page.locator(".run.orange small")).to_have_text("over village, layer norm on")
-    press(page, "Anew")  # over the one that is
+    press(page, "Restart")  # over the one that is
     expect(page.locator(".run.blue small")).to_be_empty()
     expect(page.locator(".graph .past")).to_have_count(0)

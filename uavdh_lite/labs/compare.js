@@ -99,7 +99,7 @@ export const COMPARE = {
     const look =
       part === null
         ? ""
-        : `<div class="row">${button(`Where they part: step ${part + 1}`, { show: part })}</div>`;
+        : `<div class="row">${button(`Where they part: after step ${part}`, { show: part })}</div>`;
     return `<h2 aria-live="polite">${escaped(head)}</h2>${chart(scene)}<p class="why">${escaped(why)}</p>${look}
       ${many ? hundred(many) : ""}${hand ? "" : more}`;
   },
@@ -180,7 +180,7 @@ function hundred({ rows, difference: [mean, low, high] }) {
   const row = ({ who, both: [middle, from, to] }, k) =>
     `<div class="hand" style="--colour: ${COLOURS[k]}; --from: ${from}%; --share: ${to}%">
       <span>${escaped(who.title)}</span><i></i><output>${middle.toFixed(1)} %</output></div>`;
-  const open = low < 0 && high > 0 ? ": they may be level" : "";
+  const open = low < 0 && high > 0 ? ": it may be chance" : "";
   return `<div class="many" role="status"><p>Over 100 missions drawn just now, ${escaped(rows[0].who.subject)} has ${points(mean)} points
     (${points(low)} to ${points(high)}) of collected and landed${open}.</p>${rows.map(row).join("")}</div>`;
 }

@@ -37,7 +37,7 @@ export const FLY = {
       tells && !you.steps ? '<button type="button" class="tell">Show me around</button>' : "";
     const help = you.steps
       ? ""
-      : "<p>Fly near the devices, and land on blue before the time is over. Keys: arrows, space to hover, L to land.</p>";
+      : "<p>Fly near the devices, and land on blue before time runs out. Keys: arrows, space to hover, L to land.</p>";
     const known = state.known.filter(([name]) => name !== "you");
     const bar = (k, name) =>
       `<div class="hand" style="--colour: ${COLOURS[k]}"><span>${escaped(name)}</span><i class="in-${k}"></i><output class="has-${k}"></output></div>`;
@@ -49,7 +49,7 @@ export const FLY = {
     const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
     const there = KINDS[city[row + down]?.[col + right]];
     const what = there ? `a ${there.name.split(":")[0]}` : "the edge";
-    return `<b>Refused</b>: ${action === "land" ? "you can only land on blue" : what}.`;
+    return `<b>Refused</b>: ${action === "land" ? "you can land only on blue" : what}.`;
   },
   over: ({ film }) =>
     `<path class="ghost-path"/><g class="uav ghost"><g transform="scale(${scaleOf(film.city.length)})">${UAV}</g></g>`,

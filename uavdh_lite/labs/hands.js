@@ -145,8 +145,7 @@ export function attend(stage) {
       brush.sign = sign;
       stage.paint();
     } else if (does_) does[does_](target);
-    // Keys steer after a press, too, unless it asks for a place or a number; after a key's press
-    // only if a flight begins, whose space would press the button again
+    // Keys steer after a press, too, unless it asks for a place or a number
     const steers =
       name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer"));
     const begins = /"(again|new)"/.test(asked);

@@ -2,24 +2,32 @@
 
 import { escaped, square } from "../player.js";
 
+export const DIAL_WORDS = {
+  "learning rate": "how far an update moves the network's numbers; seed: all that chance draws",
+  "discount γ": "how much a reward counts that comes a step later",
+  "exploration β": "how often an action is tried that seems worse than the best",
+  target: "a second network that judges and follows at rate τ; double: the first one chooses",
+  memory: "the steps that it learns from; return steps: rewards counted before the judge's value",
+  "input scales": "small numbers for the network; layer norm: its neurons on one scale",
+  "in place": "the map is not shifted so that the UAV is in the middle; ↻: restarts",
+};
 export const WORDS = {
+  ...DIAL_WORDS,
   greedy: "a simple rule: fly to the nearest device with data, and home in time",
-  random: "every action is equally likely",
+  random: "picks each action with equal probability",
   return: "the sum of rewards: 1 for a unit of data, −0.2 a step, −1 a refusal, −150 a crash",
   fading: "random changes of the radio link, the same for all who fly a mission",
   "Q-value": "the return expected from here on with this action; later rewards count less",
-  score: "how surely the planner that the agent copied would take this action",
+  score: "how strongly the network prefers this action, as the planner would that it copied",
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
-  "SNR at 1 m": "1 m from the device; larger in a larger city, whose corners it must reach",
-  slot: "a part of a step; the device that is heard best has it: log2(1 + SNR) units",
+  "SNR at 1 m": "1 m from the device, chosen so that the signal reaches the city's corners",
+  slot: "a part of a step; the best signal gets it: log2(1 + SNR) units, the SNR as a ratio",
   value: "the Q-value or score of the best action if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
-  "path loss":
-    "what the signal loses on its way: as much again each time the distance grows tenfold",
+  "path loss": "what the signal loses on its way, the same in dB for each tenfold distance",
   "hidden by buildings": "what the signal loses in addition without a line of sight",
   "DDQN agent": "a neural network that learned from its own trials, by double deep Q-learning",
-  "imitation agent":
-    "a network that copied a planner and then learned on; a failsafe brings it home",
+  "imitation agent": "copied a planner and then learned on; a failsafe brings it home",
   "any-city agent": "one network for any city of at most 16 by 16 cells, with a failsafe",
 };
 export const NETWORKS = ["DDQN agent", "imitation agent", "any-city agent"]; // of those words

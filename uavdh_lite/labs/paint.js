@@ -15,7 +15,7 @@ export const PAINT = {
       d="M-.5 -.5${SQUARE}"/>${sign === "." ? "" : cells([sign], sign)}</svg>${name.split(":")[0]}</button>`;
     const all = [[".", { name: "open ground" }], ...Object.entries(KINDS)];
     return `<h2>Draw a city</h2><div class="swatches">${all.map(swatch).join("")}</div>
-      <p>Violet: what a device at the pointer could not see. Low buildings hide it, too.</p>
+      <p>Violet: what a device at the pointer could not see. Low buildings hide things, too.</p>
       <div class="row">${button("Save as PNG", { kind: "save", what: "png" })}</div>`;
   },
   over: () => '<path class="shadow live"/><g class="fresh"></g>',

@@ -401,7 +401,7 @@ export class Session {
     fly(told) {
       const { stage, hangar } = this;
       const { ended } = numbers(hangar.flight(YOU, stage.flown));
-      require(!ended, "this flight is over: press Again");
+      require(!ended, "this flight is over; press Again");
       this.take(CHANGES.fly(stage, told), "fly");
     },
     /** The next mission in which the first policy wins (1) or loses (−1). */

@@ -24,8 +24,8 @@ const LONG = ["many", "duel"]; // they show how far they are, and others do not 
 const SLOW = 300; // ms without an answer after which a word is due
 const KEEP = 300; // ms from a change until the address says it
 const STORY = [
-  ["fly", "A drone hears devices by radio, hardly behind buildings. It must land on blue in time."],
-  ["compare", "Orange flies to the nearest device. Blue is a neural network that has learned."],
+  ["fly", "A drone collects data by radio, which buildings muffle. It must land on blue in time."],
+  ["compare", "The orange flight goes to the nearest device; a neural network flies the blue one."],
   ["think", "Bars: what the network expects of each action. Take a device away: what changes?"],
   ["fly", "Your turn: beat the pale ghost, greedy. Later, train a network of your own."],
 ];
@@ -50,10 +50,10 @@ const page = (tools) => `<div class="main">
     <div class="row fields"></div>
     <div class="row">${button("Add a device", { kind: "add" }, 'class="add"')}</div>
     <div class="row">${button("Save", { kind: "save", what: "stage" })}
-      ${button("Save the mission alone", { kind: "save", what: "mission" })}
+      ${button("Save only the mission", { kind: "save", what: "mission" })}
       <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label></div>
     <p>Open reads a saved page, a mission, a city's PNG or an agent's checkpoint; dropping the file onto the page does the
-    same, and the page's address opens it as it is now. On the map, drag devices and the start; or press Tab and move them with the arrow keys; Delete removes a device.
+    same. The page's address opens this mission again. On the map, drag devices and the start; or press Tab and move them with the arrow keys; Delete removes a device.
     Among the tools, arrows choose a tab and Enter opens it.</p></dialog>
   <div class="notice refusal" role="alert"></div>
   <div class="notice busy" role="status" hidden><span></span><progress></progress>
@@ -193,9 +193,8 @@ export function draw(el, model) {
     if (changed) drawMaps(film, state.tool);
     if (drawnTool !== state.tool) find("#panel").scrollTop = 0;
     const words = (tool.words ?? []).map((word) => `<dt>${word}</dt><dd>${WORDS[word]}</dd>`);
-    const signs = tool.bare
-      ? ""
-      : `<details class="signs"><summary>Signs and words</summary>${legend(film)}<dl>${words.join("")}</dl></details>`;
+    const [title, drawn] = tool.bare ? ["Words", ""] : ["Signs and words", legend(film)];
+    const signs = `<details class="signs"><summary>${title}</summary>${drawn}<dl>${words.join("")}</dl></details>`;
     stage.fill(".tool", `${tool.html(scene, stage)}${signs}`);
     find(".map .under").innerHTML = tool.under?.(scene) ?? "";
     for (const over of el.querySelectorAll(".map .over"))
@@ -331,8 +330,6 @@ export function draw(el, model) {
     const link = hash.split(LINK)[1];
     if (link) stage.ask({ kind: "open", link });
   }
-
-  // What the session answers
 
   const answers = {
     scene(told) {

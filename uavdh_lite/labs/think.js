@@ -134,7 +134,7 @@ export const THINK = {
     });
     const promise =
       number === "Q-value" && !other
-        ? `It expects ${signed(expected[step])} from here on, and got ${signed(came[step])}, where later rewards count less. `
+        ? `It expects ${signed(expected[step])} from here on, and got ${signed(came[step])}, with later rewards discounted. `
         : "";
     stage.fill(".cause", `${promise}${known && !other ? escaped(causes(known, best)) : ""}`);
     if (!known && !playing) stage.askWhenFree({ kind: "why", step });

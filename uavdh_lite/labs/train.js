@@ -2,7 +2,7 @@
 // each in a worker; the session flies their agents of now.
 
 import { at, escaped } from "../player.js";
-import { valued } from "./html.js";
+import { DIAL_WORDS, valued } from "./html.js";
 import { rose } from "./think.js";
 import { ANEW } from "./training.js";
 import { grouped } from "./words.js";
@@ -43,8 +43,8 @@ const DIALS = {
 
 /** Things to try: how the two runs differ from the usual one, and what differs in words. */
 const TRIES = {
-  "frozen target": [{}, { frozen: true }, "The orange target stands still."],
-  "no punishment": [{}, crash(0), "A crash costs orange nothing; landing only saves it steps."],
+  "frozen target": [{}, { frozen: true }, "The target stands still."],
+  "no punishment": [{}, crash(0), "A crash costs orange nothing, except in the return shown."],
   "memory of 64": [{}, { replay_capacity: 64 }, "Orange remembers four steps a UAV."],
   "not centred": [{}, IN_PLACE, "Orange sees the map in place."],
   "not centred, scaled": [SCALES, { ...IN_PLACE, ...SCALES }, "The same, with input scales."],
@@ -128,7 +128,7 @@ function turn(name, place) {
   const dials = { ...run.dials, ...fields };
   if (Object.keys(fields).some((field) => ANEW.includes(field))) {
     begin(chosen, dials, run.going, run);
-    told = `Begins anew: ${name} ${textOf(name, dials)}.`;
+    told = `Restarts: ${name} ${textOf(name, dials)}.`;
   } else {
     run.dials = dials;
     run.worker.send({ kind: "turn", dials: fields });
@@ -139,8 +139,8 @@ function turn(name, place) {
 const acts = {
   learn() {
     if (!runs.length) return start(() => begin(0, usual(), true));
-    if (runs.every(({ steps, dials }) => steps >= dials.steps))
-      told = "This run is over: press Anew, or turn steps up.";
+    const over = runs.every(({ steps, dials }) => steps >= dials.steps);
+    if (over) told = "This run is over: press Restart, or turn steps up.";
     const goes = runs.some(({ going }) => going);
     doAll(goes ? "stop" : "go");
   },
@@ -153,7 +153,7 @@ const acts = {
     const goes = runs.some(({ going }) => going);
     const next = (dials) => ({ ...dials, seed: (dials.seed + 1) % DIALS.seed.length });
     start(() => runs.forEach(({ dials }, number) => begin(number, next(dials), goes)));
-    told = `Begins anew with the next seed, ${runs[0].dials.seed}.`;
+    told = `Restarts with the next seed, ${runs[0].dials.seed}.`;
   },
   second() {
     if (runs.length > 1) {
@@ -172,7 +172,7 @@ const acts = {
     start(() =>
       [first, second].forEach((dials, number) => begin(number, { ...usual(), ...dials }, true)),
     );
-    [told, chosen] = [`Anew. ${says}`, 1];
+    [told, chosen] = [`Restarts. ${says}`, 1];
   },
   save: () => runs[chosen].worker.send({ kind: "save" }),
   take() {
@@ -197,8 +197,6 @@ function press({ target }) {
   draw();
 }
 
-// From here on: what is drawn
-
 const key = (act, name, about = "") =>
   `<button type="button" data-act="${act}" data-about="${about}">${name}</button>`;
 
@@ -213,7 +211,7 @@ function frame() {
   bench.addEventListener("input", ({ target }) => turn(target.dataset.dial, Number(target.value)));
   const tries = Object.keys(TRIES).map((name) => key("try", name, name));
   const dials = Object.entries(DIALS).map(dial);
-  bench.innerHTML = `<div class="row acts">${key("learn", "Learn")}${key("step", "Step")}${key("anew", "Anew")}
+  bench.innerHTML = `<div class="row acts">${key("learn", "Learn")}${key("step", "Step")}${key("anew", "Restart")}
       ${key("second", "Two runs")}${key("save", "Save")}</div>
     <div class="row tries"><span>Try</span>${tries.join("")}</div><p class="word" role="status"></p>
     <div class="runs"></div><div class="graphs"></div><div class="dials">${dials.join("")}</div>`;
@@ -314,7 +312,8 @@ function field({ values, best }, size) {
 
 export const TRAIN = {
   title: "Train",
-  bare: true, // its panel explains no signs
+  bare: true, // its panel explains no signs, but words
+  words: Object.keys(DIAL_WORDS),
   begins: true, // a flight is shown from its first step on
   still: ({ panel }) => !panel.values,
   html: () => '<div class="bench"></div>',
