@@ -304,8 +304,6 @@ export function draw(el, model) {
     address = link;
   }
 
-  // The story: captions that lead through the tools
-
   function tell(caption) {
     if (caption >= STORY.length) return endStory();
     story = caption;
