@@ -192,8 +192,8 @@ draw_maps(views, uav=(15, 15))
 # %% [markdown]
 # ## 4.4 Why pictures?
 #
-# A mission could be described by far fewer numbers than five pictures hold: the UAV's cell, and for
-# each device its cell and its data. Why pictures?
+# Apart from its time, a mission could be described by far fewer numbers than five pictures hold: the
+# UAV's cell, and for each device its cell and its data. Why pictures?
 #
 # - **The number of devices may vary.** A list for five devices has no room for a sixth. A map has
 #   room for any number, so neither the size of the input nor the network **depends on how many
@@ -222,7 +222,7 @@ for places, data in (([(4, 7), (11, 11)], [15, 10]), ([(11, 11), (4, 7)], [10, 1
 #
 # The reward stays. If each of their steps is independent of the one before, their present places
 # are enough for the state, and the layers stay as they are. If they keep their direction, one
-# picture does not show it, and the task is a POMDP. There are three remedies: a layer that shows
+# picture does not show it, and the task is a POMDP. Three remedies are common: a layer that shows
 # the directions, the last few pictures together (**frame stacking**), or a network with a memory (a
 # **recurrent** network).
 #

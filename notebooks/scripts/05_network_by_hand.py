@@ -90,7 +90,8 @@ ax.legend();
 #
 # ## 5.2 Going downhill
 #
-# At first all weights are random, because neurons with equal weights would learn the same thing. A
+# At first the weights are random (those of no input may be 0), because neurons with equal weights
+# would learn the same thing. A
 # **loss** measures how wrong the output is, and its *slope* with respect to a weight says whether
 # it grows or shrinks when the weight grows. To step downhill, change the weight by minus the slope
 # times a small number, the **learning rate**. This is **gradient descent**; the *gradient* is the

@@ -10,7 +10,8 @@
 # # 6 · From Q-learning to DDQN
 #
 # Near a corner of the village stands a device. Nobody has told the UAV where, and only the very last
-# step brings a reward. Yet from flights *at random* every cell can learn the way:
+# step brings a reward. Yet flights *at random* can teach every cell that they pass the way; here is
+# where that ends:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.

@@ -320,7 +320,7 @@ figure.supylabel("share", fontsize="medium");
 #
 # ## 7.6 Reading the curves of a long run
 #
-# Over Manhattan training takes hours. Here are the curves of one run of the recipe `lite`, the
+# Over Manhattan training takes hours. Here are the curves of one run of an earlier recipe `lite`, the
 # means of training flights, in which the agent explores:
 
 # %% tags=["hide-input"]

@@ -320,7 +320,7 @@ play(safe, {name: flights.trajectory(0) for name, flights in flown.items()})
 #
 # A copy makes small mistakes, which take it to states where it rarely saw the genie act (so ours
 # also asks the genie in such states, notebook 12); and the genie plans without fading. Reward can
-# teach the rest. The agent flies each mission several times and compares each return with the mean
+# teach some of the rest. The agent flies each mission several times and compares each return with the mean
 # of the others. The difference is the flight's **advantage** $A$: with returns of 30 and 20, the
 # actions of the first flight become more likely ($A=+10$) and those of the second less ($A=-10$).
 # The mean, a **baseline**, does not depend on the action, so

@@ -209,8 +209,9 @@ def test_the_lines_of_pytorch_that_are_taught_run_and_have_the_shapes_they_say()
     taken, largest = eval(lines[3].split("; ")[1], space | {"a": torch.zeros(5).long()}), lines[4]
     assert results and space["q"].shape == (5, 4) and taken.shape == (5,)
     assert [one.shape for one in eval(largest, space)] == [(5,), (5,)]
-    exec(lines[5] + "\n" + lines[6], space)
-    assert len(lines) == 7 and not space["y"].requires_grad
+    assert eval(lines[5], space).shape == (5, 1)
+    exec(lines[6] + "\n" + lines[7], space)
+    assert len(lines) == 8 and not space["y"].requires_grad
 
 
 def test_the_notebooks_have_every_exercise_in_order():

@@ -79,7 +79,7 @@ const textOf = (name, dials) => DIALS[name][stopOf(DIALS[name], dials)]?.[0] ?? 
 function begin(number, dials, goes, { city, scenario } = stage.scene.panel) {
   end(number);
   past = past.filter((each) => String(each.city.rows) === String(city.rows)).slice(0, PAST);
-  const run = { dials, city, scenario, points: [], steps: 0, going: goes, rate: 0 };
+  const run = { dials, city, scenario, points: [], steps: 0, goes, going: goes, rate: 0 };
   runs[number] = run;
   run.worker = stage.model.begin("run", { city, scenario, dials }, (answer) => hear(run, answer));
   if (goes) run.worker.send({ kind: "go" });
@@ -127,7 +127,7 @@ function turn(name, place) {
   if (!run) return start(() => begin(0, { ...usual(), ...fields }, false));
   const dials = { ...run.dials, ...fields };
   if (Object.keys(fields).some((field) => ANEW.includes(field))) {
-    begin(chosen, dials, run.going, run);
+    begin(chosen, dials, run.going || (run.goes && !run.steps), run); // though it told nothing yet
     told = `Restarts: ${name} ${textOf(name, dials)}.`;
   } else {
     run.dials = dials;
