@@ -39,13 +39,14 @@ from matplotlib import pyplot as plt
 from uavdh_lite.storage import data_folder, read_table
 
 METRIC, ARMS = "collected_and_landed", {"centred": "C0o-", "non_centred": "C1s--"}
+NAMES = {"centred": "centred", "non_centred": "in place"}
 
 def draw_runs(ax, table, title):
     for variant, style in ARMS.items():
         for seed in np.unique(table["seed"]):
             rows = (table["variant"] == variant) & (table["seed"] == seed)
             ax.plot(table["steps"][rows] / 1000, table[METRIC][rows], style, ms=3, lw=1,
-                    label=variant.replace("_", " ") if seed == 0 else None)
+                    label=NAMES[variant] if seed == 0 else None)
     ax.set(title=title, xlabel="thousand steps", ylim=(-0.03, 1.03))
 
 recorded = {name: read_table(data_folder() / f"runs/centring{name}.csv.gz")
@@ -63,8 +64,9 @@ axes[0].legend();
 # | **What you'll learn** | Ablations, how much seeds differ, Student's interval, pairing, and what an agent knows by heart |
 # | **What you'll need** | Notebooks 4, 5 and 7. 40 minutes to read, 60 seconds to run; 31 minutes of exercises |
 #
-# With `plain` the two arms are far apart: without centring the agent brings home less than a third
-# of the data. With `lite` the gap nearly closes. Let us do the experiment ourselves first.
+# With `plain` the two arms are far apart: with the map *in place* (`non_centred`) the agent brings
+# home less than a third of the data. With `lite` the gap nearly closes. Let us do the experiment
+# ourselves first.
 #
 # ## 8.1 One thing changed
 #
@@ -87,7 +89,7 @@ later = replace(state, uav_cell=state.uav_cell + 3 * 8 + 2)
 pictures = {}
 for when, seen in (("before", state), ("later", later)):
     maps = {arm: Observation(village, arm)(seen)[0][0] for arm in ARMS}
-    pictures |= {f"{arm.replace('_', ' ')}, {when}": layers[2] for arm, layers in maps.items()}
+    pictures |= {f"{NAMES[arm]}, {when}": layers[2] for arm, layers in maps.items()}
     pictures[f"its UAV, {when}"] = maps["non_centred"][5]  # of the arm without centring
 draw_maps(pictures)
 
@@ -124,7 +126,7 @@ def learn(name, **changes):
 
 # %%
 trained = {"centred": learn("centred"),
-           "not centred": learn("not centred", observation="non_centred")}
+           "in place": learn("in place", observation="non_centred")}
 
 # %% tags=["hide-input"]
 def draw_trained():
@@ -154,7 +156,7 @@ ax.legend();
 # help. Divide the data by 20 and the time by 10, as `lite` does:
 
 # %%
-trained["not centred, scaled"] = learn("scaled", observation="non_centred", data_scale=20.0,
+trained["in place, scaled"] = learn("scaled", observation="non_centred", data_scale=20.0,
                                        time_scale=10.0)
 draw_trained()
 
@@ -242,8 +244,8 @@ Quiz("more_missions")
 #
 # `lite` differs from `plain` in eight things, which [its
 # page](../docs/results/recipe.md) lists. One difference is time: after 300,000
-# steps even `lite` is far behind without centring, and then gets there (the second bar above),
-# whereas `plain` does not get there within a million steps. So the information is in the uncentred
+# steps even `lite` is far behind in place, and then gets there (the second bar above),
+# whereas `plain` does not get there within a million steps. So the information is in that
 # map, and it is harder to use.
 #
 # Which of the things helps? Undo each of them, in both arms, and look. Here are such runs, each of

@@ -224,9 +224,9 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Both rise quickly, because no crash disturbs the Q-values any more, but neither has reached the
-# rule, nor your agent with the failsafe, which has learned for longer. (One run each: see 8.3 before
-# you say which is better.) The agent with both gifts, beside greedy:
+# Both rise quickly, and from the start no flight crashes, but neither has reached the rule, nor your
+# agent with the failsafe, which has learned for longer. (One run each: see 8.3 before you say which
+# is better.) The agent with both gifts, beside greedy:
 
 # %% tags=["hide-input"]
 def beside_greedy(world):
@@ -268,7 +268,7 @@ for city in (village, other):
         flown[name] = evaluate(world, act, VILLAGE, 300, seed=2)
     flown["greedy"] = evaluate(world, Greedy(world), VILLAGE, 300, seed=2)
     bars[city.name] = {name: flights.returns.mean() for name, flights in flown.items()}
-    refused = {name: round(flights.records()["safety_interventions"].mean(), 1)
+    refused = {name: f"{flights.records()['safety_interventions'].mean():.1f}"
                for name, flights in flown.items()}
     print(f"actions refused in a mission over the {city.name}:", refused)
 
@@ -293,10 +293,10 @@ beside_greedy(Safe(other))
 # ### The last flight
 #
 # Your agent with both gifts, greedy, and your agent of notebook 7: who brings home more, and who
-# needs less time? Change the number of the mission and fly again:
+# is home first? Change the number of the mission and fly again:
 
 # %%
-mission, best = missions[[1]], best_actions(learned["failsafe and told"][0], told)
+mission, best = missions[[2]], best_actions(learned["failsafe and told"][0], told)
 last = {"failsafe and told": best, "greedy": Greedy(safe), "your agent of 7": yours}
 flown = {name: fly(safe, one, mission, np.random.default_rng(7)) for name, one in last.items()}
 play(safe, {name: flights.trajectory(0) for name, flights in flown.items()})

@@ -92,8 +92,8 @@ class Head(nn.Module):
 checks.dueling_head(Head)
 
 # %% [markdown]
-# To try it in notebook 7, put `Head(128)` in the place of the last layer of `QNetwork`, and train with
-# three seeds each way.
+# To try it in notebook 7, replace the last layer of the network, `online.head[-1] = Head(128)` in
+# `beginners`, and train with three seeds each way.
 #
 # ## 7.2 · What is wrong with this agent? (1 point, 5 minutes)
 #
