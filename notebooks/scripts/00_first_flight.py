@@ -188,8 +188,8 @@ for name, each in flown.items():
     print(f"{name:<16}collected {each.end.collected[0]:.0%} in {each.steps[0]} steps")
 
 # %% [markdown]
-# Greedy's order of visits hardly depends on the flying time. The random pilot wanders about, and
-# lands as soon as it happens to draw `land` in the right place.
+# Greedy's order of visits hardly depends on the flying time. The random pilot lands as soon as it
+# happens to draw `land` in the right place.
 #
 # One flight proves nothing, though: in other missions, greedy beats the agent. A fair race needs
 # many missions, the same for all three pilots.
@@ -230,8 +230,7 @@ for metric in scores["random"]:
 # to data, to turn back and to land, in *this* city.
 #
 # A rule of a few lines of code, then, beats a network that took millions of steps to train. **Why
-# learn at all?** Keep this question in mind until section 9.5. Here is one hint: somebody had to
-# think up the rule and know what the map means.
+# learn at all?** Keep this question in mind until section 9.5.
 #
 # A mean hides a lot, so look at single flights, too. This one brought home the smallest share of
 # the data:
@@ -270,8 +269,7 @@ for action, value in zip(ACTIONS, q_values):
 # %% [markdown]
 # These six numbers are the network's whole output. Notebook 6 is about how it learns them.
 #
-# Notebooks 1 to 3 are about the world, 4 to 7 about the learner. Notebook 8 asks what the agent has
-# learned, and in notebook 9 an agent beats greedy. In the *labs*, interactive pages that `python -m
+# In the *labs*, interactive pages that `python -m
 # uavdh_lite app` opens in a browser, you can fly against the agent with the arrow keys.
 #
 # ## Recap

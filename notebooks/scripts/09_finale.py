@@ -247,7 +247,7 @@ beside_greedy(safe)
 #
 # The same two networks, over a city of the same size that they have never seen, without training:
 
-# %%
+# %% tags=["hide-input"]
 other = City.from_text("hamlet", """
     . . . . B B . .
     . B . . B B . .
