@@ -138,8 +138,8 @@ ax.legend()
 figure
 
 # %% [markdown]
-# The black line falls in a step that brings less than 0.2 units of data, and rises in one that
-# brings more. Its last value is the return. An agent that looked no further than the next reward
+# Until the landing, the black line falls in a step that brings less than 0.2 units of data, and
+# rises in one that brings more. Its last value is the return. An agent that looked no further than the next reward
 # would go home where a step brings less, because landing costs nothing; it has to learn that a
 # costly step may pay for itself later. When data comes in after thirty steps, which of those steps deserve the credit? This
 # is the problem of **credit assignment** (notebook 6).

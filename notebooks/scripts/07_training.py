@@ -303,8 +303,8 @@ figure.supylabel("share", fontsize="medium");
 # With a **price of 150** it learns to land, and leaves more than half of the data behind. **Without
 # a price** it learns later, and in the end is still in the air in a sixth to half of the missions
 # when time is up. From a **frozen** judge it can learn one step ahead and no more, so news does not
-# spread. With a **small memory**, a minibatch comes from the same few flights: one run became
-# timid, two learned nothing. **At random** it still learns, because Q-learning is off-policy (6.1)
+# spread. With a **small memory**, a minibatch comes from a few dozen flights: one run became timid,
+# two collected and never learned to land. **At random** it still learns, because Q-learning is off-policy (6.1)
 # and the curve shows it without exploring; but random flights rarely get far.
 #
 # Why does a high price do harm? Landing at once never cost anything, and most flights away from
@@ -349,7 +349,7 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
 # $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
 #
 # The recipe `plain` is the paper's method with nothing added but a network that a processor can
-# afford.
+# afford and a learning rate that suits it.
 #
 # ## 7.7 All of it in one file
 #
