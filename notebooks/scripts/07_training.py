@@ -195,9 +195,10 @@ print("untrained: landed {:.0%}, collected and landed {:.0%}".format(*evaluate(b
 #    └──────────────── the network now knows a little more ◀────────────┘
 # ```
 #
-# All constants are in `settings`, which each round reads anew, so a knob acts at once. One departs
-# from the authors' code and decides everything: **the price of a crash** grows from 5 to 20,
-# whereas there it is 150 from the start. You'll see why.
+# What you can turn is in `settings`, which each round reads anew, so a knob acts at once (only a
+# memory that was made smaller stays small). One constant departs from the authors' code and decides
+# everything: **the price of a crash** grows from 5 to 20, whereas there it is 150 from the start.
+# You'll see why.
 
 # %%
 async def training(settings, live, seed=0):
@@ -309,9 +310,9 @@ figure.supylabel("share", fontsize="medium");
 #
 # Why does a high price do harm? Landing at once never cost anything, and most flights away from
 # home ended in a crash; an agent that has seen that concludes that it is best to stay at home. Such
-# a **lazy agent** is a common failure, and its loss is small: it lands early, and is always right
-# about what that brings. Why is a low price not enough? Ten steps ahead a price of 5 counts only
-# $5\cdot0.95^{10}\approx3$, less than most devices hold. So the price is low at first and grows.
+# a **lazy agent** is a common failure. Why is a low price not enough? Ten steps ahead a price of 5
+# counts only $5\cdot0.95^{10}\approx3$, less than most devices hold. So the price is low at first
+# and grows.
 #
 # And why does the agent without a price so often stay out, although nothing is left to collect?
 # Landing now instead of hovering until the end saves 0.2 units a step, so going home *is* best. But
@@ -336,9 +337,9 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
 # fall, because it flies farther. Later both recover.
 #
 # Many people look at the **loss** first, but it tells you least: the targets move with the network,
-# so a lazy agent has a small loss, and a bolder one has more to predict. Look at *landed* and
-# *collected* together, and at other seeds, because a single dip is often chance. If the Q-values
-# are far above what then comes in, they diverge (6.3). [My agent does not
+# so it may rise while the agent gets better, and its size depends on that of the rewards. Look at
+# *landed* and *collected* together, and at other seeds, because a single dip is often chance. If
+# the Q-values are far above what then comes in, they diverge (6.3). [My agent does not
 # learn](../docs/tutorials/does_not_learn.md) is a checklist.
 #
 # `lite` strengthens the method for such a city. Three changes show the idea: 32 UAVs side by side; a
