@@ -47,9 +47,8 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.experiments.runs import (
     SAVED,
     identity,
-    require_own,
     require_whole,
-    restore_run,
+    resume_run,
     save_run,
 )
 from uavdh_lite.experiments.study import variants_of
@@ -719,9 +718,7 @@ class Run:
         self.folder, self.trainer, self.how = folder, trainer, how
         require_whole(folder, resume=True)
         if (folder / SAVED).exists():
-            restore_run(folder / SAVED, trainer)
-            run = identity(trainer) | {"steps": trainer.steps}
-            require_own(folder / "best.safetensors", run, {trainer.best_steps})
+            resume_run(folder, trainer)
 
     def write(self, agent: str | None = None) -> None:
         """Write the tables and how the run was made, and an agent under this name."""

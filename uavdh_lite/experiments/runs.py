@@ -55,9 +55,8 @@ def train(
 
     Raises `InputError` if the folder holds a study, if it holds a run and `resume` is False, or
     another one, its agent, or only a part of one, and it is True, or if another process is training
-    there;
-    `MissingExtra` if TensorBoard is asked for and not installed; `TrainingDiverged` if the loss or
-    a weight is no longer finite, with the files as they were when they were last written.
+    there; `MissingExtra` if TensorBoard is asked for and not installed; `TrainingDiverged` if the
+    loss or a weight is no longer finite, with the files as they were when they were last written.
     """
     out, saved, recipe = Path(out), Path(out) / SAVED, trainer.recipe
     require_whole(out, resume)
@@ -67,9 +66,7 @@ def train(
         for path in out.glob(".*.unfinished*"):  # of writes that were killed
             path.unlink()
         if saved.exists():
-            restore_run(saved, trainer)
-            run = identity(trainer) | {"steps": trainer.steps}
-            require_own(out / "best.safetensors", run, {trainer.best_steps})
+            resume_run(out, trainer)
         board = Board(out / "tensorboard", trainer) if tensorboard else None
         if not saved.exists():
             save_run(saved, trainer)
@@ -174,6 +171,13 @@ def restore_run(path: Path, trainer: Trainer) -> None:
             f"{path}: altered, or saved by another version of the program ({error!r}); "
             "continue it with the version that saved it, or start again in another folder"
         ) from None
+
+
+def resume_run(out: Path, trainer: Trainer) -> None:
+    """Let a training go on from its folder: `restore_run` and `require_own`."""
+    restore_run(out / SAVED, trainer)
+    run = identity(trainer) | {"steps": trainer.steps}
+    require_own(out / "best.safetensors", run, {trainer.best_steps})
 
 
 def require_own(best: Path, run: dict, after: set[int | None]) -> None:
