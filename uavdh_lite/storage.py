@@ -79,6 +79,8 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
     try:
         text = (gzip.decompress(content) if _is_packed(path) else content).decode("utf-8-sig")
         names, *rows = csv.reader(io.StringIO(text), strict=True)
+        if len({*names}) < len(names):
+            raise ValueError("two columns have one name")
         columns = zip(*rows, strict=True)
         pairs = zip(names, columns, strict=True)
         return {k: np.array(v) if k in NAMES else _column(v) for k, v in pairs}
