@@ -228,7 +228,7 @@ def _features(path: Path) -> Iterator[Any]:
         except json.JSONDecodeError as error:  # one a line, or RFC 8142 with a mark before each
             if error.msg != "Extra data" and not text.startswith("\x1e"):
                 raise
-            parts = [json.loads(line) for line in text.replace("\x1e", "").splitlines() if line]
+            parts = [json.loads(line) for line in re.split("[\r\n\x1e]+", text) if line]
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON, or damaged ({error})") from None
     for part in parts:
