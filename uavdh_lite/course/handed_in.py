@@ -177,7 +177,7 @@ def _mended(cells: list[dict], release: nbformat.NotebookNode, sheet: Sheet):
     mended = copy.deepcopy(release)
     given = {cell.source.strip() for cell in release.cells}
     code = [(cell, "".join(cell["source"])) for cell in cells if cell["cell_type"] == "code"]
-    written = [(cell, source) for cell, source in code if source.strip()]
+    written = [(cell, re.sub("\r\n?", "\n", text)) for cell, text in code if text.strip()]
     marked = {_mark(cell) for cell, source in written if source.strip() not in given}
     places, known = _places(mended.cells, marked), False
     others: dict[int, list[str]] = defaultdict(list)
