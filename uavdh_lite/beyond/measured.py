@@ -8,6 +8,7 @@ it, and `believing` tells it.
 """
 
 import hashlib
+import io
 import json
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -204,9 +205,10 @@ def believing(agent: Agent, belief: Environment) -> Agent:
 
 def save_gains(path: str | Path, gain_db: np.ndarray, about: dict) -> None:
     """Write a table of gains, (n, n), `[device cell, UAV cell]`, dB, in half precision, and JSON
-    values about it, atomically; the name ends in `.npz`."""
-    gains, text = gain_db.astype(np.float16), np.array(json.dumps(about))
-    write_atomically(path, lambda file: np.savez_compressed(file, gain_db=gains, about=text))
+    values about it, atomically."""
+    content, text = io.BytesIO(), np.array(json.dumps(about))
+    np.savez_compressed(content, gain_db=gain_db.astype(np.float16), about=text)
+    write_atomically(path, lambda file: file.write_bytes(content.getvalue()))
 
 
 def load_gains(path: str | Path) -> tuple[np.ndarray, dict]:
