@@ -48,20 +48,23 @@ class Portable(np.random.Generator):
     """A generator of few methods whose numbers are the same in every language: for what people
     share, a mission and its fading.
 
-    Its k-th number is a hash of k, so it needs nothing but arithmetic with whole numbers of 32
-    bits. `labs/world.js` has the same class. Other methods than those here are numpy's own.
+    Its k-th number, from `drawn` on, is a hash of k, so it needs only arithmetic with whole numbers
+    of 32 bits. `labs/world.js` has the same class. Other methods than those here are numpy's own.
 
     Raises `InputError` unless the seed is a whole number from 0 to 2**53 − 1, the largest that
     JavaScript counts exactly.
     """
 
-    def __init__(self, use: Use, seed: int):
+    def __init__(self, use: Use, seed: int, drawn: int = 0):
         super().__init__(stream(use, seed).bit_generator)
         if seed >= 2**53:
             raise InputError(f"seed {seed!r}: must be a whole number from 0 to 2**53 - 1")
         seed = int(seed)  # one of numpy would overflow
         self._key = _hash(seed % 2**32 + _hash(seed // 2**32 + _hash(use)))
-        self._drawn = 0
+        self._made_of, self._drawn = (use, seed), drawn
+
+    def __reduce__(self):  # numpy's makes a copy one of its own generators
+        return Portable, (*self._made_of, self._drawn)
 
     def random(self, size: Any = None, dtype: Any = float, out: Any = None) -> Any:
         """Uniform over [0, 1), multiples of 2**−32; float64 whatever the `dtype`."""

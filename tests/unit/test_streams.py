@@ -1,5 +1,6 @@
 """No two uses share random numbers, whatever the seeds."""
 
+from copy import deepcopy
 from itertools import product
 
 import numpy as np
@@ -33,6 +34,7 @@ def test_portable_numbers_stay_what_they_are():
     """Known numbers: if these change, so do all missions that people have shared."""
     generator = Portable(Use.FADING, np.int64(3))
     assert generator.random(2).tolist() == [1431989686 / 2**32, 2601602745 / 2**32]
+    generator = deepcopy(generator)
     assert generator.integers([0, 5], [10, 6]).tolist() == [4, 5]
     assert generator.uniform(2, 4) == 2 + 2 * 249554668 / 2**32
     drawn = Portable(Use.FADING, 3).standard_normal((1, 2), np.float32)
