@@ -6,6 +6,7 @@ import io
 import json
 import os
 import secrets
+import shutil
 import zlib
 from collections.abc import Callable
 from itertools import chain
@@ -31,6 +32,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     A reader of `path` sees the old file or the new one, never a part. If anything fails (a full
     disk, a folder that cannot be written), the old file stays as it was, the temporary file is
     removed, and the caller gets the error. A link stays one: the file that it leads to is written.
+    Who may read a file stays as it was.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -43,6 +45,8 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
         write(temporary)
         with temporary.open("r+b") as file:  # Windows only syncs what may be written
             os.fsync(file.fileno())  # the rename must not come before the bytes
+        if path.exists():
+            shutil.copymode(path, temporary)
         os.replace(temporary, path)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
@@ -63,7 +67,7 @@ def write_table(path: str | Path, rows: list[dict]) -> None:
     for row in rows:
         writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
     content = text.getvalue().encode()
-    if _is_packed(path):
+    if Path(path).suffix.lower() == ".gz":
         content = gzip.compress(content, mtime=0)
     write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
@@ -77,20 +81,15 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
     """
     content = Path(path).read_bytes()
     try:
-        text = (gzip.decompress(content) if _is_packed(path) else content).decode("utf-8-sig")
+        packed = content.startswith(b"\x1f\x8b")  # a browser may have unpacked what ends in .gz
+        text = (gzip.decompress(content) if packed else content).decode("utf-8-sig")
         names, *rows = csv.reader(io.StringIO(text), strict=True)
-        if len({*names}) < len(names):
-            raise ValueError("two columns have one name")
         columns = zip(*rows, strict=True)
         pairs = zip(names, columns, strict=True)
         return {k: np.array(v) if k in NAMES else _column(v) for k, v in pairs}
     except (ValueError, OSError, EOFError, csv.Error, zlib.error) as error:
         right = "not a table, with names in its first row and rows of that length"
         raise InputError(f"{path}: {right} ({error})") from None
-
-
-def _is_packed(path: str | Path) -> bool:
-    return Path(path).suffix.lower() == ".gz"
 
 
 def _column(values: tuple[str, ...]) -> np.ndarray:
@@ -103,7 +102,8 @@ def _column(values: tuple[str, ...]) -> np.ndarray:
 def write_json(path: str | Path, values: dict) -> None:
     """Write JSON for people to read."""
     text = json.dumps(values, indent=2, ensure_ascii=False) + "\n"
-    write_atomically(path, lambda temporary: temporary.write_bytes(text.encode()))
+    content = text.encode(errors="backslashreplace")  # half a character, as in a file's odd name
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
 
 def read_json(path: str | Path) -> dict:
