@@ -48,13 +48,16 @@ class Tracer:
     | --- | --- | --- |
     | `height_m` | (M, M, 5, 5) | how high something stands at points of each cell, m; 0: nothing |
 
-    Raises `InputError` for a place that is not on the scene's ground, or whose ground is not nearly
-    level.
+    Raises `InputError` for a scene that cannot be loaded, for a place that is not on its ground,
+    and for one whose ground is not nearly level.
     """
 
     def __init__(self, place: Place):
         self.place, path = place, getattr(rt.scene, place.scene, place.scene)
-        self._scene = scene = rt.load_scene(path)
+        try:
+            self._scene = scene = rt.load_scene(path)
+        except Exception as error:  # of the XML's parser, or Mitsuba's for a mesh that is not there
+            raise InputError(f"{path}: no scene that can be traced ({error})") from None
         scene.frequency = place.frequency_hz
         scene.tx_array = rt.PlanarArray(num_rows=1, num_cols=1, pattern="iso", polarization="V")
         scene.add(rt.Transmitter("device", position=[0, 0, 0]))
@@ -146,7 +149,10 @@ def main(arguments: list[str] | None = None) -> None:
     table = options.out.with_suffix(".npz")
     if table.exists():
         parser.error(f"{table} exists, and took long: name another file with --out")
-    tracer = Tracer(Place(options.scene, (x, y), options.cells, rays=options.rays))
+    try:
+        tracer = Tracer(Place(options.scene, (x, y), options.cells, rays=options.rays))
+    except InputError as error:
+        parser.error(str(error))
     city, place = tracer.city(options.out.stem, options.landing_cells), asdict(tracer.place)
     about = {**place, "buildings": buildings_fingerprint(city)}
     city.save(options.out)

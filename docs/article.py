@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bs4 import BeautifulSoup
 
-ENGINES = ("typst", "tectonic", "xelatex", "pdflatex")
+ENGINES = ("typst", "tectonic", "xelatex")  # the last two with rsvg-convert
 PAGE = """\
 <!doctype html>
 <html lang="en">
@@ -47,6 +47,10 @@ def main(out: Path) -> None:
     for picture in body.select("img"):
         picture["src"] = Path(picture["src"]).name
         shutil.copy(out / "all" / "_images" / picture["src"], out)
+    for table in body.select("table"):  # without widths, LaTeX wraps no cell
+        columns = len(table.select_one("tr").select("th, td"))
+        column = f'<col style="width: {100 // columns}%">'
+        table.insert(0, BeautifulSoup(f"<colgroup>{columns * column}</colgroup>", "html.parser"))
     page = out / "article.html"
     text = PAGE.format(title=body.h1.get_text(), body=body.decode_contents())
     page.write_text(text, encoding="utf-8")

@@ -259,6 +259,7 @@ def _read_kinds(path: Path) -> np.ndarray:
     if unknown.any():
         row, col = np.argwhere(unknown)[0]
         shown = pixels[row, col].tobytes().hex()  # red, green, blue and opacity
+        shown += "" if shown.endswith("ff") else " (not opaque)"
         known = ", ".join(f"#{colour.tobytes().hex()}" for colour in COLOURS)
         raise CityError(f"{path}: pixel row {row}, column {col} is #{shown}, not one of {known}")
     return matches.argmax(-1)

@@ -420,7 +420,8 @@ def checked_actions(action: np.ndarray, count: int) -> np.ndarray:
     action = np.asarray(action)
     if action.shape != (count,):
         raise InputError(f"actions of shape {action.shape}: must be ({count},), one an episode")
-    right = (action >= 0) & (action < len(ACTIONS)) & (action.dtype.kind in "iu")
+    whole = action.dtype.kind in "iu"  # else, such as text, it may not be comparable
+    right = (action >= 0) & (action < len(ACTIONS)) if whole else np.zeros(count, bool)
     if not right.all():
         first = right.argmin()
         raise InputError(

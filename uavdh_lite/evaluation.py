@@ -288,9 +288,12 @@ def wilson_interval(values: np.ndarray) -> Interval:
 def bootstrap_interval(values: np.ndarray) -> Interval:
     """The mean of independent values, (N,), with its 95 % percentile bootstrap interval.
 
-    If all values are equal, the interval is a point; that does not mean certainty.
+    If all values are equal, the interval is a point; that does not mean certainty. Raises
+    `InputError` without any value.
     """
     generator, count = stream(Use.BOOTSTRAP), len(values)
+    if not count:
+        raise InputError("no values: there is no mean of nothing")
     means = [values[generator.integers(0, count, count)].mean() for _ in range(2000)]
     low, high = np.quantile(means, [0.025, 0.975])
     return Interval(float(values.mean()), float(low), float(high))
@@ -298,6 +301,6 @@ def bootstrap_interval(values: np.ndarray) -> Interval:
 
 def paired_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Interval:
     """The mean of differences, (N,), with the interval of whole groups if they are of several."""
-    if groups is None or len(np.unique(groups)) == 1:
+    if groups is None or len(np.unique(groups)) < 2:
         return bootstrap_interval(values)
     return groups_interval(values, groups)

@@ -84,6 +84,8 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
         packed = content.startswith(b"\x1f\x8b")  # a browser may have unpacked what ends in .gz
         text = (gzip.decompress(content) if packed else content).decode("utf-8-sig")
         names, *rows = csv.reader(io.StringIO(text), strict=True)
+        if len({*names}) < len(names):
+            raise ValueError("two columns have one name")
         columns = zip(*rows, strict=True)
         pairs = zip(names, columns, strict=True)
         return {k: np.array(v) if k in NAMES else _column(v) for k, v in pairs}

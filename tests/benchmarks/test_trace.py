@@ -54,6 +54,7 @@ def test_gains_fall_as_in_free_space_along_a_street_between_tall_buildings(trace
     ("place", "named"),
     [
         ({"centre": (5000.0, 0.0)}, "beyond the scene's ground"),
+        ({"scene": __file__}, "test_trace.py: no scene that can be traced"),
         ({"scene": "san_francisco", "centre": (-400.0, 300.0)}, "rises by"),
     ],
 )
@@ -69,6 +70,10 @@ def test_the_command_writes_a_city_and_its_gains(trace, tmp_path, capsys):
     gain_db, about = load_gains(tmp_path / "canyon.npz")
     assert gain_db.shape == (16, 16) and about["centre"] == [-5, 0]
     assert "L" in capsys.readouterr().out and load_place(out).size == 4
-    with pytest.raises(SystemExit):
-        trace.main(["simple_street_canyon", "--centre=25,10", *options])
-    assert "canyon.npz exists" in capsys.readouterr().err
+    for scene, to, said in (
+        ("simple_street_canyon", out, "canyon.npz exists"),
+        ("nowhere.xml", tmp_path / "b.png", "nowhere.xml: no scene that can be traced"),
+    ):
+        with pytest.raises(SystemExit):
+            trace.main([scene, "--centre=25,10", *options, f"--out={to}"])
+        assert said in capsys.readouterr().err

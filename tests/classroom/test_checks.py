@@ -243,7 +243,7 @@ def test_no_import_takes_the_name_of_an_answer(script):
 
 
 def test_the_validations_to_diagnose_are_recorded_ones():
-    table = read_table(ROOT / "data/runs/deviations-manhattan.csv.gz")
+    table = read_table(ROOT / "data/runs/pilots-manhattan.csv.gz")
     for name, shares in RUNS.items():
         variant, seed, thousands = name.rsplit("-", 2)
         row = (table["variant"] == variant) & (table["seed"] == int(seed))

@@ -292,14 +292,14 @@ def test_only_what_is_there_for_this_assignment_is_graded(root):
 
 
 def test_what_is_large_a_link_or_a_script_costs_one_student_at_most(root):
-    """Outputs of 6 MB, 4,000 cells, a link to another's work, a folder, a name that is a script."""
+    """Outputs of 52 MB, 4,000 cells, a link to another's work, a folder, a script for a name."""
     blank = root / "exercises" / FILE
     whole = solved(nbformat.read(blank, as_version=4))
     for who in ("large", "many", "linked", "script", "both", "folder"):
         path, own = root / "submitted" / who / FILE, copy.deepcopy(whole)
         path.parent.mkdir(parents=True)
         if who == "large":
-            answer(own, "1.1").outputs = [nbformat.v4.new_output("stream", text="x" * 6_000_000)]
+            answer(own, "1.1").outputs = [nbformat.v4.new_output("stream", text="x" * 52_000_000)]
         elif who == "many":
             own.cells += [nbformat.v4.new_code_cell(f"x = {k}") for k in range(4_000)]
         elif who == "script":
@@ -314,9 +314,9 @@ def test_what_is_large_a_link_or_a_script_costs_one_student_at_most(root):
         else:
             path.write_text(json.dumps(own))
     shutil.copy(blank, root / "submitted" / "script" / FILE)
-    began = time.monotonic()
+    began = time.process_time()
     sheets = {s.student: s for s in handed_in.look_through(root, ASSIGNMENT)}
-    assert time.monotonic() - began < 60
+    assert time.process_time() - began < 10
     answered = dict.fromkeys(sheets, 3) | {"linked": 0, "folder": 0}
     assert {who: sheet.answered for who, sheet in sheets.items()} == answered and len(sheets) == 6
     assert "hand in the .ipynb itself" in sheets["linked"].notes[0]

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from matplotlib import rc_context
 from PIL import Image
 
 from uavdh_lite import registry
@@ -277,6 +278,15 @@ def test_too_little_memory_gives_one_line_and_status_1(capsys, monkeypatch):
         assert main(["fly", "--city", "village"]) == 1
         error = capsys.readouterr().err
         assert "memory" in error and error.count("\n") == 1
+
+
+def test_a_style_that_needs_latex_gives_one_line_where_there_is_none(capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", "")
+    out = ["fly", "--city", "village", "--out", str(tmp_path / "f.png")]
+    with rc_context({"text.usetex": True}):
+        assert main(out) == 1
+    error = capsys.readouterr().err
+    assert "latex could not be found" in error and error.count("\n") == 1
 
 
 def test_nothing_is_said_when_nobody_reads_what_is_printed(capsys, monkeypatch):

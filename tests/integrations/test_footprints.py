@@ -125,6 +125,7 @@ MAKERS = {  # the form in which each writes the same town; *: no tag says what i
     "GDAL, JSON": (in_row({"building": None}, {**YES, "other_tags": AS_JSON}), ".b.."),
     "GDAL, clean names": (in_row({"building_part": "yes", "building_levels": 2}, PARK), "b..."),
     "GeoJSONSeq": (lines(in_row({**TALL, "name": "A\u2028B"}, LOW, PARK)), "Bb.."),
+    "one feature": (in_row(TALL)[0], "B..."),
     "RFC 8142": (lines(in_row(TALL, LOW, PARK), "\x1e"), "Bb.."),
     "Windows": (b"\xef\xbb\xbf" + lines(in_row(TALL, LOW), end="\r\n\r\n").encode(), "Bb.."),
     "UTF-16": (json.dumps(collection(in_row(TALL, LOW))).encode("utf-16"), "Bb.."),

@@ -87,7 +87,7 @@ START = in_the_corner(10)["start"]
         (replace(START, uav_cell=np.array([64])), "in no cell"),
         (replace(START, device_cells=0 * START.device_cells), "on a building or in the landing"),
         (replace(START, time_left=np.array([36])), "more time or data"),
-        (replace(START, landed=np.array([True])), "is over"),
+        (replace(START, time_left=np.array([-1])), "is over"),
     ],
 )
 def test_a_start_that_cannot_be_flown_or_seen_is_refused(wrong, named):
@@ -95,6 +95,11 @@ def test_a_start_that_cannot_be_flown_or_seen_is_refused(wrong, named):
     assert single().observation_space.contains(single().reset(options={"start": most})[0])
     with pytest.raises(InputError, match=named):
         single().reset(options={"start": wrong})
+
+
+def test_an_option_that_a_batch_does_not_have_is_refused():
+    with pytest.raises(InputError, match="options reset_mask: a reset has start alone"):
+        batch(2).reset(options={"reset_mask": np.array([True, False])})
 
 
 SCRIPT = """

@@ -76,7 +76,8 @@ def test_a_wrong_colour_names_file_and_pixel(tmp_path, colour):
     image = Image.fromarray(COLOURS[DRAWN.kinds]).convert("RGBA" if len(value) == 4 else "RGB")
     image.putpixel((1, 2), tuple(value))
     image.save(tmp_path / "odd.png")
-    with pytest.raises(CityError, match=rf"odd\.png: pixel row 2, column 1 is #{colour[:6]}"):
+    shown = rf"#{colour} \(not opaque\)," if len(value) == 4 else f"#{colour}"
+    with pytest.raises(CityError, match=rf"odd\.png: pixel row 2, column 1 is {shown}"):
         City.load(tmp_path / "odd.png")
 
 

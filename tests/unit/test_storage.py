@@ -39,6 +39,7 @@ def test_a_table_comes_back_and_equal_rows_give_equal_bytes(name, tmp_path):
         ("cut.csv", b"a,b\n1\n"),
         ("more.csv", b"a,b\n1,2\n3,4,5\n"),
         ("empty.csv", b""),
+        ("twice.csv", b"a,a\n1,2\n"),
         ("binary.csv", b"\xff\xfe\x00"),
         ("long.csv", b"a" * 200_000),  # the csv module has a limit of its own
     ],

@@ -14,7 +14,7 @@ from uavdh_lite.channel import Channel
 from uavdh_lite.city import MAX_SIZE, City, load_cities
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import FunctionPolicy
+from uavdh_lite.evaluation import FunctionPolicy, mean_interval
 from uavdh_lite.missions import Mission
 from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
@@ -60,7 +60,10 @@ WRONG = [
     (lambda: step(0, 5, 6), "6 of episode 2"),
     (lambda: step(0, -1, 0), "-1 of episode 1"),
     (lambda: step(4.9, 4.9, 4.9), "4.9 of episode 0"),
+    (lambda: step("north", "up", "up"), "action north of episode 0"),
     (lambda: step(0, 1), r"shape \(2,\)"),
+    (lambda: mean_interval([]), "no values"),
+    (lambda: mean_interval(np.array([]), np.array([])), "no values"),
     (lambda: FunctionPolicy(lambda state: np.full(1, 6)).act(sample(WORLD)), "6 of episode 0"),
     (lambda: scenario(devices=(0, 2)), "scenario mine: devices is"),
     (lambda: scenario(devices=(1, 101)), "scenario mine: devices is .* at most 100"),

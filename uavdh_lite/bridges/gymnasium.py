@@ -113,6 +113,8 @@ class DataHarvesting(gymnasium.Env):
 
     def starts(self, count: int, generator: np.random.Generator, options: dict | None) -> State:
         """The first states of so many episodes: those of the options, or else drawn."""
+        if unknown := (options or {}).keys() - {"start"}:
+            raise InputError(f"options {', '.join(map(str, unknown))}: a reset has start alone")
         start = (options or {}).get("start")
         if start is None:
             return self.scenario.sample(self.environment, count, generator)

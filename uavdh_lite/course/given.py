@@ -73,17 +73,17 @@ def blocked(buildings, device, cell):
     return bool(shadow(buildings, device)[cell])
 
 
-# Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
+# Of data/runs/pilots-manhattan, by variant, seed and thousand steps: landed, collected, time
 RUNS = {
-    "all-0-300": (0.991, 0.916, 0.804),
-    "without_return_steps-0-300": (0.958, 0.715, 0.948),
-    "without_crash_reward-0-300": (0.995, 0.186, 0.410),
-    "without_learning_rate-0-100": (0.516, 0.334, 0.706),
-    "without_input_scales-1-100": (0.834, 0.552, 0.502),
-    "without_temperature-0-300": (0.982, 0.943, 0.844),
-    "without_crash_reward-0-100": (1.000, 0.125, 0.231),
-    "without_layer_norm-0-100": (0.980, 0.255, 0.442),
-    "without_learning_rate-0-300": (0.989, 0.596, 0.866),
+    "centred_as_it_is-0-300": (0.990, 0.931, 0.814),
+    "centred_without_return_steps-0-300": (0.973, 0.718, 0.950),
+    "centred_without_crash_reward-0-300": (1.000, 0.152, 0.347),
+    "centred_without_falling_rate-0-300": (0.850, 0.918, 0.863),
+    "centred_without_movement_reward-2-100": (0.814, 0.385, 0.646),
+    "centred_with_amsgrad-0-300": (0.990, 0.913, 0.832),
+    "centred_without_crash_reward-0-100": (1.000, 0.132, 0.245),
+    "centred_without_layer_norm-0-100": (1.000, 0.204, 0.514),
+    "centred_without_leaky_relus-0-200": (0.989, 0.780, 0.834),
 }
 
 

@@ -100,14 +100,14 @@ checks.dueling_head(Head)
 # A validation gives three shares between 0 and 1, each a mean over many missions: `landed`,
 # `collected` (the collected data divided by all data, whether the UAV landed or not) and
 # `time_used` (the flying time used divided by the flying time given). The cell below shows nine
-# such validations, from training runs over Manhattan: one is of an agent trained
-# with the whole recipe `lite` (`all`); the others are of agents for which one part of the recipe
-# was replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). Each name ends with the
-# training seed and the number of steps, in thousands, after which the agent was validated.
+# such validations, from training runs over Manhattan: one is of an agent trained with the whole
+# recipe from which `lite` was chosen (`as_it_is`); the others are of agents for which one part of
+# it was changed (`data/runs/pilots-manhattan.csv.gz`). Each name ends with the training seed and
+# the number of steps, in thousands, after which the agent was validated.
 
 # %%
 for name, shares in RUNS.items():
-    print("{:<32}landed {:.3f}, collected {:.3f}, time_used {:.3f}".format(name, *shares))
+    print("{:<40}landed {:.3f}, collected {:.3f}, time_used {:.3f}".format(name, *shares))
 
 # %% [markdown]
 # Write a function that says what is wrong with an agent, if anything. The agent
@@ -145,7 +145,7 @@ checks.diagnosis(diagnose)
 
 # %%
 for name, shares in RUNS.items():
-    print(f"{name:<32}{diagnose(*shares)}")
+    print(f"{name:<40}{diagnose(*shares)}")
 
 # %% [markdown]
 # With the crash reward of `paper`, −150 from the start, the agent of seed 0 is lazy after 100,000 steps. After 300,000 steps it

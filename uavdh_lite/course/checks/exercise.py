@@ -131,7 +131,7 @@ class Exercise:
         self._asked(answer, cases[k][1])  # what it prints in this case is shown
         said = re.sub(", expected .*", ", which is not right", told[k]) if self.secret else told[k]
         said = f"{self._called(answer, cases[k][1])} {said}."
-        early = TypeError if cases[k][0] == cases[0][0] else NameError
+        early = TypeError | RuntimeError if cases[k][0] == cases[0][0] else NameError
         if isinstance(given[k], NameError | early) or re.search(KIND, told[k]):
             return said  # a slip, or a value of another kind, which no rule explains
         if given[k] is None and not any(value is None for value in right):
