@@ -233,8 +233,15 @@ def evaluate(
 
     The return is of the rewards `REPORTED`, so agents trained with others compare.
 
-    Raises `InputError` as `fly` does.
+    Raises `InputError` as `fly` does, and for a scenario with another channel than the environment,
+    unless it is the policy's own: an agent may fly over another than it was trained with.
     """
+    found = differences(scenario.channel, environment.channel)
+    if found and scenario != getattr(policy, "scenario", None):
+        raise InputError(
+            f"scenario {scenario.name} has another channel than the environment, with {found}: "
+            "take Environment(cities, channel=scenario.channel), or agent.over(city, channel)"
+        )
     generator = stream(use, seed)
     start = scenario.sample(environment, episodes, generator)
     return fly(environment, policy, start, generator)

@@ -23,7 +23,7 @@ def agents_for(environment: Environment) -> list[str]:
 
 
 def find_policy(name: str, environment: Environment, seed: int = 0) -> Policy:
-    """The policy of this name over an environment's cities.
+    """The policy of this name over an environment's cities and channel.
 
     Arguments:
         seed: of the policy's own random numbers; only `random` has any.
@@ -39,7 +39,7 @@ def find_policy(name: str, environment: Environment, seed: int = 0) -> Policy:
         trained, found = agent.trained_in[0].name, environment.cities[0].name
         choices = ", ".join([*agents_for(environment), *_planners()])
         raise InputError(f"agent {name} was trained in {trained}, not in {found}: take {choices}")
-    return agent.over(environment.city)
+    return agent.over(environment.city, environment.channel)
 
 
 def _planners() -> list[str]:

@@ -18,7 +18,8 @@ _known: dict[str, dict[str, Any]] = {}
 
 
 def register(kind: Kind, name: str, thing: Any) -> None:
-    """Make a thing known by its name. The last one of a name counts.
+    """Make a thing known by its name. The last one of a name counts. Raises `InputError` if the
+    thing itself has another name, under which files would keep it.
 
     | kind | thing |
     | --- | --- |
@@ -28,6 +29,8 @@ def register(kind: Kind, name: str, thing: Any) -> None:
     | `policy` | a function of an environment and a seed that gives a `Policy` |
     | `cities` | a function of what follows `NAME:` that gives a tuple of cities |
     """
+    if kind in ("recipe", "scenario") and thing.name != name:
+        raise InputError(f"{kind} {name}: its own name is {thing.name!r}; give it this one, too")
     _known.setdefault(kind, {})[name] = thing
 
 

@@ -114,6 +114,12 @@ def test_what_the_scenario_or_the_channel_have_otherwise_is_said(tmp_path, capsy
     assert about["scenario"]["data"] == [0.1, 0.5] and about["cities"] == village.city.fingerprint
     assert about["scenario"]["channel"]["cell_edge_snr_db"] == 15
     assert "row of this name" in failing(capsys, "compare", "--others", "agent")
+    of_loud = ["compare", "--checkpoint", path, "--episodes", "2", "--others", "any_city"]
+    assert main([*of_loud, "--out", str(out)]) == 0
+    (tmp_path / "there.csv").mkdir()  # what cannot be written is printed all the same
+    assert main([*of_loud, "--out", str(tmp_path / "there.csv")]) == 1
+    assert capsys.readouterr().out.count("genie_data") == 2
+    assert "is not a comparison's" in failing(capsys, *of_loud, "--out", f"{mission[:-5]}.csv.gz")
 
 
 def test_a_mission_is_saved_changed_and_flown_again(tmp_path, capsys):
@@ -232,9 +238,13 @@ def test_what_is_there_is_not_overwritten_unasked(capsys, tmp_path, monkeypatch,
 def test_without_a_name_a_free_one_is_taken(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name, there in (("a.csv.gz", "a.json"), ("a-2.csv.gz", "a-2.csv.gz"), ("a-3.csv.gz", "")):
-        assert output(None, "a", ".csv.gz", ".json") == Path(name)
+        with pytest.raises(OSError, match="full"), output(None, "a", ".csv.gz", ".json") as path:
+            assert path == Path(name) and path.exists()  # at once, so that no other takes it
+            raise OSError("full")
+        assert not path.exists()
         Path(there).touch()  # also what is written beside it
-    assert output(Path("a.csv.gz"), "b", ".csv.gz") == Path("a.csv.gz")  # is replaced
+    with output(Path("a.csv.gz"), "b", ".csv.gz") as path:
+        assert path == Path("a.csv.gz")  # is replaced
     Path("city-outlines.svg").touch()
     campus = str(data_folder() / "places" / "campus.geojson")
     assert main(["city", campus, "--centre", "50", "8", "--cells", "12"]) == 0

@@ -1,7 +1,11 @@
 import subprocess
 import sys
 
+import pytest
+
 from uavdh_lite import registry
+from uavdh_lite.errors import InputError
+from uavdh_lite.scenario import find_scenario
 
 EXTENSION = """
 from uavdh_lite import registry, scenario
@@ -22,6 +26,12 @@ def test_extensions_are_found_by_name_and_one_that_fails_is_left_out(tmp_path):
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.stdout == "mine\n" and "unknown scenario 'yours': choose one of" in done.stderr
     assert "extension less is left out: ZeroDivisionError" in done.stderr
+
+
+def test_what_has_another_name_of_its_own_is_not_registered():
+    """Files would keep that name, under which another is found."""
+    with pytest.raises(InputError, match="scenario hard: its own name is 'village'"):
+        registry.register("scenario", "hard", find_scenario("village"))
 
 
 def test_what_is_beyond_the_paper_is_known_by_name():

@@ -23,8 +23,8 @@ def app(
 
     from uavdh_lite.labs.page import write_page
 
-    out = output(out, "labs", ".html")
-    write_page(out)
+    with output(out, "labs", ".html") as out:
+        write_page(out)
     print(f"labs: {out}", file=sys.stderr)
     if browser:
         webbrowser.open(out.resolve().as_uri())

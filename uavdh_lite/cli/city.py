@@ -27,12 +27,13 @@ def city(
         footprints: GeoJSON, as Overpass Turbo or QGIS write it from OpenStreetMap.
         out: the city's PNG, by default city.png.
     """
-    out, raster = output(out, "city", ".png", OUTLINES), with_values(Raster(), values)
+    raster = with_values(Raster(), values)
     found, figure = city_of_footprints(footprints, raster), Figure(figsize=(7, 7.2))
     found.draw(figure.subplots())
-    outlines = out.with_name(out.stem + OUTLINES)
-    found.city.save(out)
-    save_figure(figure, outlines)
+    with output(out, "city", ".png", OUTLINES) as out:
+        outlines = out.with_name(out.stem + OUTLINES)
+        found.city.save(out)
+        save_figure(figure, outlines)
     free = found.city.open_to_devices.sum()
     print(f"{found.city.text}\n{out}: {raster.cells} × {raster.cells} cells, {free} for devices")
     print(f"{outlines}: the outlines of its buildings over its cells")

@@ -95,7 +95,6 @@ def demo(
         out: the figure, by default demo.png.
         seed: seed of the missions and the fading, by default that of the ladder in the results.
     """
-    out = output(out, "demo", ".png")
     figure = Figure(figsize=(11, 13), layout="constrained")
     axes = figure.subplots(2, 2)
     for (name, paper), row in zip(RESULTS.items(), axes, strict=True):
@@ -114,7 +113,8 @@ def demo(
             plotting.draw_trajectory(ax, environment, best.trajectory(episode))
             ax.set_title(f"{name}, scenario {episode}")
     plotting.add_legend(figure, devices=5)
-    plotting.save_figure(figure, out)
+    with output(out, "demo", ".png") as out:
+        plotting.save_figure(figure, out)
     print(f"The first flights over each map are drawn in {out}.")
     print("The agents are those of one training each; the results have the means of all.")
     print("The paper's maps were never published as files. Ours are redrawn from its text, so the")
@@ -143,7 +143,6 @@ def fly(
     """
     if mission is not None and (city is not None or seed is not None):
         raise InputError("a mission has its own city and seed: leave out --city and --seed")
-    out = output(out, "flight", ".png")
     given = None if mission is None else missions.load_mission(mission)
     name, agent = open_agent(checkpoint, city if given is None else given.city)
     if len(agent.cities) > 1:
@@ -153,12 +152,13 @@ def fly(
         missions.save_mission(save_mission, flown)
     environment = Environment(flown.city, agent.environment.channel)
     trajectory = flown.fly(environment, agent).trajectory(0)
-    if out.suffix.lower() == ".gif":
-        plotting.save_animation(environment, trajectory, out)
-    elif out.suffix.lower() == ".html":
-        play(environment, trajectory).save(out)
-    else:
-        plotting.save_figure(plotting.trajectory_figure(environment, trajectory), out)
+    with output(out, "flight", ".png") as out:
+        if out.suffix.lower() == ".gif":
+            plotting.save_animation(environment, trajectory, out)
+        elif out.suffix.lower() == ".html":
+            play(environment, trajectory).save(out)
+        else:
+            plotting.save_figure(plotting.trajectory_figure(environment, trajectory), out)
     landed = "landed" if trajectory.landed else "crashed"
     heard = differences(environment.channel, Channel())
     over = f"{name} over {_where(agent)}" + f", with {heard}" * bool(heard)
@@ -226,7 +226,8 @@ def compare(
     opened, agent = open_agent(checkpoint, city)
     environment = Environment(agent.cities, agent.environment.channel)
     scenario, called = _flown(agent)
-    out = output(out, f"comparison-{scenario.name}", ".csv.gz", ".json")
+    if out is not None:
+        comparison.about_path(out)  # before anything flies
     if "agent" in others:
         raise InputError("--others agent: the table has a row of this name, of --checkpoint")
     planners = {
@@ -238,7 +239,6 @@ def compare(
     results = comparison.compare(environment, scenario, policies, episodes, seed, jobs)
     about = {"command": command_line, "seed": seed, **provenance(), "agent": agent.training}
     about |= {"scenario": asdict(scenario), "cities": fingerprint_of(agent.cities)}
-    comparison.save_comparison(out, results, about)
     drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
     print(f"{called}: {drawn}; agent is {opened}")
     metrics = {
@@ -247,7 +247,9 @@ def compare(
         }
         for policy, columns in results.items()
     }
-    print(policies_table(metrics))
+    print(policies_table(metrics), flush=True)
+    with output(out, f"comparison-{scenario.name}", ".csv.gz", ".json") as out:
+        comparison.save_comparison(out, results, about)
     print(out)
 
 
@@ -264,7 +266,7 @@ def export(
     Arguments:
         out: the file, by default agent.onnx.
     """
-    out = output(out, "agent", ".onnx")
     name, agent = open_agent(checkpoint, city)
-    error = export_onnx(agent, out)
+    with output(out, "agent", ".onnx") as out:
+        error = export_onnx(agent, out)
     print(f"{out}: {name} over {_where(agent)}; Q-values differ by at most {error:.1g}")

@@ -6,8 +6,10 @@ or recipe that the command names: `train --recipe small --help` shows those of `
 
 import re
 from argparse import ArgumentParser
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import field, fields, make_dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -50,17 +52,27 @@ def named(*suffixes: str) -> Parameter:
     return Parameter(validator=require)
 
 
-def output(typed: Path | None, name: str, *endings: str) -> Path:
+@contextmanager
+def output(typed: Path | None, name: str, *endings: str) -> Iterator[Path]:
     """The file that a command writes: the typed one, which it replaces, or a new one.
 
     That has this name and the first ending, or name-2, name-3 and so on: the first with which no
-    file exists that has any of the endings, since the others are written beside it.
+    file exists that has any of the endings, since the others are written beside it. It is there at
+    once, empty, so that no other command takes it; if writing fails, it goes.
     """
-    free, number = name, 1
-    while typed is None and any(Path(free + ending).exists() for ending in endings):
-        number += 1
-        free = f"{name}-{number}"
-    return typed or Path(free + endings[0])
+    path, stems = typed, chain([name], (f"{name}-{number}" for number in count(2)))
+    while path is None:
+        first, *beside = (Path(stem + ending) for stem in [next(stems)] for ending in endings)
+        with suppress(FileExistsError):
+            if not any(each.exists() for each in beside):
+                first.open("x").close()
+                path = first
+    try:
+        yield path
+    except BaseException:
+        if typed is None:
+            path.unlink(missing_ok=True)
+        raise
 
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg", ".webp")

@@ -7,9 +7,10 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from uavdh_lite.environment import Environment
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Interval, Policy, evaluate, mean_interval
 from uavdh_lite.scenario import Scenario
-from uavdh_lite.storage import write_json, write_table
+from uavdh_lite.storage import read_json, write_json, write_table
 
 Columns = dict[str, np.ndarray]
 
@@ -86,17 +87,25 @@ def breakdown(
 
 
 def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> None:
-    """Write a row for each policy and episode as a table, and `about` as JSON next to it.
+    """Write a row for each policy and episode as a table, and `about` at its `about_path`.
 
     Arguments:
-        path: of the table, `NAME.csv` or `NAME.csv.gz`; the JSON is `NAME.json`.
+        path: of the table, `NAME.csv` or `NAME.csv.gz`.
     """
-    rows = []
+    rows, beside = [], about_path(path)
     for policy, of_policy in results.items():
         values = (column.tolist() for column in of_policy.values())
         for episode, row in enumerate(zip(*values, strict=True)):
             metrics = dict(zip(of_policy, row, strict=True))
             rows.append({"policy": policy, "episode": episode, **metrics})
     write_table(path, rows)
+    write_json(beside, about)
+
+
+def about_path(path: Path) -> Path:
+    """The file `NAME.json` next to a table; `InputError` if there is one with other things."""
     unpacked = path.with_suffix("") if path.suffix.lower() == ".gz" else path
-    write_json(unpacked.with_suffix(".json"), about)
+    beside = unpacked.with_suffix(".json")
+    if beside.exists() and "command" not in read_json(beside):
+        raise InputError(f"{beside}: is not a comparison's, and would be replaced: rename it")
+    return beside
