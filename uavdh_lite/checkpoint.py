@@ -128,7 +128,7 @@ def load_agent(path: str | Path) -> Agent:
 
 
 def _file(path: str | Path) -> Path:
-    """The file of an agent; a bare word that is a shipped name means the shipped one."""
+    """The file of an agent: of a run's folder its best, of a shipped name the shipped one."""
     if str(path) in shipped_agents():
         return data_folder() / "checkpoints" / f"{path}.safetensors"
     if Path(path).suffix == "" and not Path(path).exists():
@@ -136,7 +136,7 @@ def _file(path: str | Path) -> Path:
             f"no agent named {str(path)!r}: give the path of a checkpoint, or one of "
             f"{', '.join(shipped_agents())}"
         )
-    return Path(path)
+    return Path(path) / "best.safetensors" if Path(path).is_dir() else Path(path)
 
 
 def shipped_agents() -> list[str]:

@@ -342,7 +342,8 @@ def draw_maps(
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure to a file, atomically; the format follows the suffix."""
+    """Write a figure to a file, atomically; the format follows the suffix, which is else `.png`."""
+    path = Path(path) if Path(path).suffix else Path(f"{path}.png")
     write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=150))
 
 

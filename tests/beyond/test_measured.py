@@ -173,10 +173,13 @@ def test_a_shipped_place_has_links_where_its_city_has_them(name):
 
 
 def test_a_place_needs_its_own_table(model, tmp_path):
+    with pytest.raises(InputError, match=r"no place named 'Munich': .* florence, munich"):
+        load_place("Munich")
     path, table = tmp_path / "town.png", tmp_path / "town.npz"
     model.city.save(path)
-    save_gains(tmp_path / "T.NPZ", -np.ones((1, 1)), {})
-    assert load_gains(tmp_path / "T.NPZ")[0] == -1
+    for name in ("T.NPZ", "measured", "sub.v1"):
+        save_gains(tmp_path / name, -np.ones((1, 1)), {})
+        assert load_gains(tmp_path / name)[0] == -1
     complete, deaf = np.full((64, 64), -80.0), np.where(model.sight[0], -np.inf, -80.0)
     for gain_db, about, named in (
         (np.zeros((4, 4)), {}, "not the gains of town.png"),

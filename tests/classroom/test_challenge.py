@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -240,10 +241,13 @@ def test_what_a_table_would_not_show_is_escaped(tmp_path):
     assert "| 1 | \\x1b&#124;\\n | 0.0%" in table
 
 
-def test_scenarios_that_would_not_be_flown_are_refused(tmp_path, capsys):
+def test_scenarios_that_would_not_be_flown_are_refused(tmp_path, capsys, monkeypatch):
     secret = tmp_path / "secret.json"
     assert main(["challenge", "new", str(secret), "--scenario", "any_city"]) == 2
     assert "has many cities" in capsys.readouterr().err and not secret.exists()
+    with monkeypatch.context() as full, pytest.raises(OSError, match="full"):
+        full.setattr(json, "dump", Mock(side_effect=OSError("full")))
+        PRACTICE.save(secret)  # and nothing of it stays in the way
     PRACTICE.save(secret)
     both = ["--secret", str(secret), "--scenario", "manhattan"]
     assert main(["challenge", "score", "greedy", *both]) == 2

@@ -80,6 +80,7 @@ def test_another_run_is_not_restored(trainer, tmp_path, corridor_scenario, quick
         with pytest.raises(InputError, match=difference) as refused:
             restore_run(path, other)
         assert not re.search("[0-9a-f]{64}", str(refused.value))
+    restore_run(path, Trainer(replace(corridor_scenario, city="./it.png"), quick, 0, corridor))
     renamed = replace(corridor, name="avenue")
     restore_run(path, Trainer(corridor_scenario, quick, 0, renamed))  # the cells decide
 

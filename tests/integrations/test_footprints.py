@@ -148,6 +148,7 @@ def test_what_others_write_is_read(made, maker):
 
 OTHERS = {
     "Overpass JSON": ('{"version": 0.6, "elements": [{"type": "way"}]}', "Overpass JSON"),
+    "CityJSON": ('{"type": "CityJSON", "CityObjects": {}}', "CityJSON"),
     "LFS": ("version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "git lfs pull"),
     "zip": (b"PK\x03\x04...", "ZIP archive"),
     "XML": ('\n<?xml version="1.0"?><osm/>', "XML or HTML"),

@@ -12,6 +12,7 @@ from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import identity
+from uavdh_lite.planners import Random
 from uavdh_lite.scenario import Scenario
 
 QUIET = Channel(cell_edge_snr_db=-25.0, fading_variance_los_db2=1.0, slots=2)
@@ -44,7 +45,11 @@ def test_an_agent_flies_over_another_channel_if_it_is_named(quiet, tmp_path):
     agent = quiet.agent
     with pytest.raises(InputError, match=r"cell_edge_snr_db -25, not -15.*over\(city, channel\)"):
         evaluate(Environment(agent.city), agent, agent.scenario, 2, 0)
-    save_agent(tmp_path / "agent.safetensors", agent)
-    typed = ["evaluate", "--checkpoint", str(tmp_path / "agent.safetensors"), "--episodes", "2"]
+    with pytest.raises(
+        InputError, match=r"cell_edge_snr_db -25, not -15.*channel=scenario\.channel"
+    ):
+        evaluate(Environment(agent.city), Random(0), agent.scenario, 2, 0)
+    save_agent(tmp_path / "best.safetensors", agent)
+    typed = ["evaluate", "--checkpoint", str(tmp_path), "--episodes", "2"]  # a run's folder
     assert main(typed) == 0
     assert main([*typed, "--cell-edge-snr", "-25"]) == 0

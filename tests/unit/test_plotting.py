@@ -214,6 +214,8 @@ def test_figures_are_saved_with_their_legend(corridor, tmp_path):
     figure = Figure(layout="constrained")
     plotting.draw_trajectory(figure.subplots(), *flight(corridor, [EAST, WEST, LAND]))
     plotting.add_legend(figure, 1)
+    plotting.save_figure(figure, tmp_path / "f")
+    assert (tmp_path / "f.png").exists()
     plotting.save_figure(figure, tmp_path / "f.pdf")
     assert (tmp_path / "f.pdf").read_bytes().startswith(b"%PDF")
     (legend,) = figure.legends

@@ -105,6 +105,9 @@ def load_place(name: str | Path, channel: Channel | None = None) -> MeasuredEnvi
     """
     path = data_folder() / "places" / f"{name}.png" if name in shipped_places() else Path(name)
     table, channel = path.with_suffix(".npz"), channel or Channel()
+    if not (path.suffix or table.exists()):
+        known = ", ".join(shipped_places())
+        raise InputError(f"no place named {path.name!r}: give the path of a PNG, or one of {known}")
     city, (gain_db, about) = City.load(path), load_gains(table)
     right = {key: getattr(channel, key) for key in ("cell_size_m", "altitude_m")}
     right["buildings"] = buildings_fingerprint(city)

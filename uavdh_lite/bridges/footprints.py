@@ -15,7 +15,7 @@ import numpy as np
 
 from uavdh_lite.beyond.cities import FREE, LANDING, LOW, TALL
 from uavdh_lite.city import MAX_SIZE, City, connected_parts
-from uavdh_lite.config import option, require
+from uavdh_lite.config import option, require, shown
 from uavdh_lite.errors import CityError, InputError, extra
 
 if TYPE_CHECKING:
@@ -240,9 +240,10 @@ def _features(path: Path) -> Iterator[Any]:
         elif "coordinates" in part or "geometries" in part:
             yield {"geometry": part}
         else:
+            kind = f" of type {shown(part['type'])}" if "type" in part else ""
             raise InputError(
-                f"{path}: JSON, but no GeoJSON: for Overpass JSON, run osmtogeojson, or choose "
-                "Export, GeoJSON in Overpass Turbo"
+                f"{path}: JSON{kind}, but no GeoJSON: for Overpass JSON, run osmtogeojson, or "
+                "choose Export, GeoJSON in Overpass Turbo"
             )
 
 

@@ -9,7 +9,7 @@ from uavdh_lite.training import Trainer
 class Board:
     """Writes the rows of a run's two tables as they come: `training/landed` is a column's curve.
 
-    A resumed run drops what was written after the state that it goes on from.
+    A resumed run writes all of them again, in place of what is there.
 
     Raises `MissingExtra` if TensorBoard is not installed.
     """
@@ -17,8 +17,8 @@ class Board:
     def __init__(self, folder: Path, trainer: Trainer):
         with extra("tensorboard"):
             from torch.utils.tensorboard import SummaryWriter
-        self._trainer, self._written = trainer, trainer.steps
-        self._writer = SummaryWriter(str(folder), purge_step=trainer.steps + 1)
+        self._trainer, self._written = trainer, 0
+        self._writer = SummaryWriter(str(folder), purge_step=0)
 
     def write(self) -> None:
         """Write the rows that were added since the last call."""
@@ -33,4 +33,5 @@ class Board:
         self._writer.flush()
 
     def close(self) -> None:
+        self.write()
         self._writer.close()

@@ -65,8 +65,12 @@ class Challenge:
         except FileExistsError:
             said = f"{path} exists: its missions would be lost; take another name"
             raise InputError(said) from None
-        with open(descriptor, "w", encoding="utf-8") as file:
-            json.dump(asdict(self), file, indent=2)
+        try:
+            with open(descriptor, "w", encoding="utf-8") as file:
+                json.dump(asdict(self), file, indent=2)
+        except BaseException:  # a full disk
+            path.unlink()
+            raise
 
     @classmethod
     def load(cls, path: Path) -> "Challenge":

@@ -81,8 +81,8 @@ def train(
                     _require_finite(trainer, saved)
                     if to_keep:
                         progress.set_postfix_str(_write_results(trainer, out, command))
-                        if board:
-                            board.write()
+                    if board:
+                        board.write()
                     save_run(saved, trainer)  # last: from an earlier state, all is written again
                     kept = time.monotonic()
                 progress.update(min(trainer.steps, recipe.steps) - progress.n)
@@ -154,6 +154,8 @@ def restore_run(path: Path, trainer: Trainer) -> None:
     Raises `InputError` if that is another training, and `CheckpointError` if it does not fit.
     """
     tensors, values = load(path, "training")
+    if values["cities"] == fingerprint_of(trainer.environment.cities):  # whatever file they are in
+        trainer.scenario = replace(trainer.scenario, city=values["scenario"]["city"])
     for name, asked in identity(trainer).items():
         saved = values.get(name)
         if saved == asked:
