@@ -154,7 +154,8 @@ def restore_run(path: Path, trainer: Trainer) -> None:
     Raises `InputError` if that is another training, and `CheckpointError` if it does not fit.
     """
     tensors, values = load(path, "training")
-    if values["cities"] == fingerprint_of(trainer.environment.cities):  # whatever file they are in
+    cities = fingerprint_of(trainer.environment.cities)
+    if values.get("cities") == cities:  # whatever file they are in
         trainer.scenario = replace(trainer.scenario, city=values["scenario"]["city"])
     for name, asked in identity(trainer).items():
         saved = values.get(name)
