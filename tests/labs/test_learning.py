@@ -103,7 +103,7 @@ def test_gradients_steps_and_targets_are_those_of_torch(cases, ask):
 
 STEPS, TURN = 45, 30  # of 16 environments; an update each from a memory of 320 on
 QUICK = {"steps": 16 * STEPS, "replay_prefill": 320}
-NO_PRICE = {"crash_reward": 0, "crash_reward_end": None}
+NO_PRICE = {"crash_reward": 0, "crash_reward_end": None, "movement_reward": 0}
 TURNED = {  # what is turned after some steps
     "usual": {},
     "frozen": {"frozen": True},

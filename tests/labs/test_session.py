@@ -365,8 +365,9 @@ def test_a_city_goes_into_a_picture_and_back_and_white_is_ground(tell, opened, s
     Image.fromarray(pixels).save(turned, "PNG", exif=exif)
     assert opened("city.png", turned.getvalue())["film"]["city"] == rows
     opened("city.png", b"no picture", refused="not a readable PNG")
-    wrong = picture(np.full((8, 8, 3), (200, 30, 99)))
-    opened("photo.png", wrong, refused="photo.png: pixel row 0, column 0 is #c81e63")
+    for colour, said in (((200, 30, 99), "#c81e63"), ((0, 0, 0, 0), "#00000000 (not opaque)")):
+        wrong = picture(np.full((8, 8, len(colour)), colour))
+        opened("photo.png", wrong, refused=f"photo.png: pixel row 0, column 0 is {said}")
 
 
 def test_agents_are_told_apart_by_their_weights_and_not_by_their_names(opened, tell):
@@ -425,6 +426,18 @@ def test_what_was_taken_is_saved_with_the_run_that_it_came_from(modules, tell, t
     names = ("steps", "updates", "seed")
     assert [taken.training[name] for name in names] == [trained.training[name] for name in names]
     assert taken.recipe.steps == trained.recipe.steps
+
+
+def test_a_run_that_has_ended_goes_on_where_it_is_given_more_steps(modules, tell):
+    run = TAKEN.replace("seed: 5 }", "seed: 5, steps: 16 }").partition("run.hear")[0]
+    run += """run.hear({ kind: "step" });
+        const ended = run.trainer.finished;
+        run.hear({ kind: "turn", dials: { steps: 1e6 } });
+        const goes = run.going;
+        run.hear({ kind: "stop" });
+        return [ended, goes, run.going];
+    }"""
+    assert modules(run) == [True, True, False]
 
 
 def over_own(name, sign):

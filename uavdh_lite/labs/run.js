@@ -20,15 +20,15 @@ export class Run {
 
   /** Does what the page tells: `go`, `stop`, `step`, `turn`, `take` and `save`. */
   hear({ kind, dials, base64 }) {
-    const { trainer } = this;
+    const { trainer, going } = this;
+    const goes = going || trainer.finished; // one that has ended goes on if it gets more steps
     if (kind === "turn") trainer.turn(dials);
     else if (kind === "take")
       this.post({ kind: "run", points: [], dials: trainer.take(readAgent(bytesOf(base64))) });
     else if (kind === "save") return this.post({ kind: "file", bytes: checkpoint(trainer) });
     else if (kind === "step" && !trainer.finished) trainer.step();
-    const goes = this.going;
     this.going = (kind === "go" || (goes && kind === "turn")) && !trainer.finished;
-    if (this.going && !goes) this.learn();
+    if (this.going && !going) this.learn();
     if (!this.going || kind === "turn") this.tell();
   }
 

@@ -14,6 +14,7 @@ const PATIENCE = 300; // s of learning from which on a device is called slow
 const IN_PLACE = { observation: "non_centred" };
 const SCALES = { data_scale: 20, time_scale: 10 };
 const crash = (crash_reward, crash_reward_end = null) => ({ crash_reward, crash_reward_end });
+const FREE = { ...crash(0), movement_reward: 0 };
 const each = (field, ...values) =>
   values.map((value) => [value < 1000 ? `${value}` : grouped(value), { [field]: value }]);
 
@@ -44,7 +45,7 @@ const DIALS = {
 /** Things to try: how the two runs differ from the usual one, and what differs in words. */
 const TRIES = {
   "frozen target": [{}, { frozen: true }, "The target stands still."],
-  "no punishment": [{}, crash(0), "A crash costs orange nothing, except in the return shown."],
+  "no punishment": [{}, FREE, "Crashes and steps cost orange nothing; the return counts them."],
   "memory of 64": [{}, { replay_capacity: 64 }, "Orange remembers four steps a UAV."],
   "not centred": [{}, IN_PLACE, "Orange sees the map in place."],
   "not centred, scaled": [SCALES, { ...IN_PLACE, ...SCALES }, "The same, with input scales."],
@@ -128,7 +129,7 @@ function turn(name, place) {
   const dials = { ...run.dials, ...fields };
   if (Object.keys(fields).some((field) => ANEW.includes(field))) {
     begin(chosen, dials, run.going || (run.goes && !run.steps), run); // though it told nothing yet
-    told = `Restarts: ${name} ${textOf(name, dials)}.`;
+    told = `A new run: ${name} ${textOf(name, dials)}.`;
   } else {
     run.dials = dials;
     run.worker.send({ kind: "turn", dials: fields });
@@ -153,7 +154,7 @@ const acts = {
     const goes = runs.some(({ going }) => going);
     const next = (dials) => ({ ...dials, seed: (dials.seed + 1) % DIALS.seed.length });
     start(() => runs.forEach(({ dials }, number) => begin(number, next(dials), goes)));
-    told = `Restarts with the next seed, ${runs[0].dials.seed}.`;
+    told = `New runs with the next seed, ${runs[0].dials.seed}.`;
   },
   second() {
     if (runs.length > 1) {
@@ -172,7 +173,7 @@ const acts = {
     start(() =>
       [first, second].forEach((dials, number) => begin(number, { ...usual(), ...dials }, true)),
     );
-    [told, chosen] = [`Restarts. ${says}`, 1];
+    [told, chosen] = [`New runs. ${says}`, 1];
   },
   save: () => runs[chosen].worker.send({ kind: "save" }),
   take() {

@@ -136,9 +136,9 @@ export class City {
       const kind = COLOURS.findIndex((colour) =>
         colour.every((part, k) => part > 0 === parts[k] >= ON),
       );
-      const [row, col] = [Math.floor(pixel / width), pixel % width];
-      const where = `${name}: pixel row ${row}, column ${col} is`;
-      const found = `${where} ${code(parts)}, not one of ${COLOURS.map(code).join(", ")}`;
+      const where = `${name}: pixel row ${Math.floor(pixel / width)}, column ${pixel % width} is`;
+      const shown = `${code(parts)}${parts[3] === 255 ? "" : " (not opaque)"}`;
+      const found = `${where} ${shown}, not one of ${COLOURS.map(code).join(", ")}`;
       require(clear && kind >= 0, found);
       return kind;
     });
