@@ -205,21 +205,31 @@ def test_a_bomb_costs_nobody_else_anything(kind, attacked, monkeypatch):
 
 
 PIPE = """
-import sys
+import gc
 MORE = {{'fixed': 0, 'single': 0}}
-send = sys.modules["__main__"].packed
-sys.modules["__main__"].packed = lambda value: {} if value == 1 else send(value)
+held = [one for one in gc.get_objects() if type(one) is dict]
+names = [one for one in held if {{'packed', 'sent'}} <= one.keys()]
+pack, send = names[0]['packed'], names[0]['sent']
+for one in names:
+    one['{}'] = {}
 def f(x): return 1
 """
+PACKED = "lambda value: {} if value == 1 else pack(value)"
 FORGED = {  # what a cell does so that a wrong answer counts
     "an answer equal to all": "class Yes(float):\n    __eq__ = lambda *_: True\n"
     "    __sub__ = __rsub__ = __abs__ = lambda *_: Yes(0)\ndef f(x): return Yes(1)",
     "an array of objects": "import numpy as np\ndef f(x): return np.array([Yes] * 3, object)",
     "a patched numpy": "import numpy as np\nnp.isclose = lambda *_, **k: np.array(True)\n"
     "def f(x): return 1.0",
-    "a patched pipe": PIPE.format("{'class': 'os:system', 'fields': {}}"),
-    "a dtype of its own": PIPE.format("{'array': 'AAAA', 'dtype': 'O', 'shape': [1], **MORE}"),
-    "a shape too large": PIPE.format("{'array': 'AAAA', 'dtype': 'u1', 'shape': [10**30], **MORE}"),
+    "a patched pipe": PIPE.format("packed", PACKED.format("{'class': 'os:system', 'fields': {}}")),
+    "a dtype of its own": PIPE.format(
+        "packed", PACKED.format("{'array': 'AAAA', 'dtype': 'O', 'shape': [1], **MORE}")
+    ),
+    "a shape too large": PIPE.format(
+        "packed", PACKED.format("{'array': 'AAAA', 'dtype': 'u1', 'shape': [10**30], **MORE}")
+    ),
+    "a reply of its own": PIPE.format("sent", "lambda pipe, _: send(pipe, {'x': 1})"),
+    "a reply that is none": PIPE.format("sent", "lambda pipe, _: send(pipe, [1])"),
     "an error for a value": "def f(x):\n    raise type('CheckFailed', (Exception,), {})('right')",
     "a changed argument": "def f(x):\n    x[...] = 0\n    return 1.0",
     "another name": "class F:\n    __module__ = 'uavdh_lite.course.checks.x'\n"
@@ -235,12 +245,26 @@ FORGED = {  # what a cell does so that a wrong answer counts
 @pytest.mark.parametrize("kind", FORGED)
 def test_a_forged_answer_is_not_right(kind, attacked):
     with Walled() as walled:
-        attacked(FORGED[kind], walled=walled)
         try:
+            attacked(FORGED[kind], walled=walled)
             said, wrong = judged(walled, checks.EXERCISES["rate_from_snr"], "f", 20)
         except Lost:
             return
     assert wrong and "right." not in said
+
+
+def test_what_is_printed_cannot_steer_a_terminal_and_the_first_process_knows_nothing(
+    capsys, monkeypatch
+):
+    monkeypatch.setenv("SECRET", SECRET)
+    with Walled() as walled:
+        walled.begin(20)
+        walled.ask({"run": "def f(x):\n    print('\\x1b[2Jgone\\u202e')"})
+        walled.answer("f")(1)
+        if walled.program == "bwrap":
+            environment = Path(f"/proc/{walled.process.pid}/environ").read_bytes()
+            assert b"PATH" in environment and SECRET.encode() not in environment
+    assert capsys.readouterr().out == "�[2Jgone�\n"
 
 
 def test_an_answer_is_judged_outside_and_its_line_is_told():

@@ -136,6 +136,8 @@ class Walled:
         if self.program:
             sheet = sheet and self._readable(sheet)
             command = _command(self.program, self.name, sheet)
+            if self.program == "bwrap":  # it stays within as the first process, to be looked at
+                environment = {"PATH": environment.get("PATH", os.defpath)}
             self.sheet = sheet and Path("/sheet", sheet.name)
         else:
             kept = ("PATH", "SYSTEMROOT", "PATHEXT")  # without which nothing starts on Windows
@@ -202,7 +204,7 @@ class Walled:
         """Send a message and wait for the reply."""
         try:
             sent(self.process.stdin, message | {"seconds": self.ends - time.monotonic()})
-            if reply := received(self.process.stdout):
+            if isinstance(reply := received(self.process.stdout), dict) and reply:
                 return reply
         except OSError:
             pass
@@ -217,9 +219,9 @@ class Walled:
         reply = self.ask({"answer": name})
         if "value" in reply:
             return self._read(reply["value"])
-        own = {"__module__": str(reply["module"]), "__name__": str(reply["name"])}
+        own = {f"__{what}__": str(reply.get(what)) for what in ("module", "name")}
         called = type("Called", (), {**own, "__call__": lambda _, *given: self.call(*given)})
-        return called if reply["class"] else called()
+        return called if reply.get("class") else called()
 
     def load(self, place: str, scenario: str) -> None:
         """Make a policy what `call` calls; see `challenge.score`."""
@@ -235,7 +237,8 @@ class Walled:
 
     def _called(self, message: dict, given: tuple) -> Any:
         reply = self.ask(message | {"arguments": packed([*given])})
-        print(str(reply.get("said", ""))[:KEPT], end="")
+        said = str(reply.get("said", ""))[:KEPT]  # what steers a terminal is not for ours
+        print("".join(c if c.isprintable() or c in "\n\t" else "�" for c in said), end="")
         for own, now in zip(given, self._read(reply.get("arguments", [])), strict=False):
             _follow(own, now)
         if "raised" in reply:
