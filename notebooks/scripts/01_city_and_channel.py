@@ -186,9 +186,9 @@ ax.legend()
 figure
 
 # %% [markdown]
-# - **Twice the distance** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR, each
-#   loss of 3 dB takes one unit away from a slot. At a low SNR the rate is proportional to the SNR,
-#   so doubling the distance reduces it to a fifth in sight and a twelfth behind a building.
+# - **Twice the distance** through the air costs 6.8 dB in sight and 11 dB behind a building. At a
+#   high SNR, each loss of 3 dB takes one unit away from a slot. At a low SNR the rate is nearly
+#   proportional to the SNR, so it falls to a fifth in sight and a twelfth behind a building.
 # - **A building all but ends the link.** Even at a distance of 10 m on the ground, it cuts the data
 #   by more than nine tenths.
 #
@@ -204,13 +204,13 @@ figure
 #
 # Reflections add a second kind, *small-scale* or *multipath fading*, which varies over a few
 # centimetres; in eq. 2 the SNR is already averaged over it. And a device sends at exactly the rate
-# that its link bears, whereas real senders choose a rate beforehand, and lose the slot if the link
-# turns out worse (an *outage*). [What the model
+# that its link bears, whereas many real senders choose a rate beforehand, and lose the slot if the
+# link turns out worse (an *outage*). [What the model
 # assumes](../docs/tutorials/what_the_model_assumes.md) says what either costs.
 #
-# In a real street, shadow fading is *correlated*: the tree that is in the way now is still in the
-# way one step later. The authors' code draws it anew in every slot, and so do we, so that the agent
-# need not remember its luck.
+# In a real street, shadow fading is *correlated*: the tree that is in the way now may still be in
+# the way one step later. The authors' code draws it anew in every slot, and so do we, so that the
+# agent need not remember its luck.
 #
 # In decibels, good and bad luck cancel out on average. Do they also in the amount of data?
 
@@ -254,7 +254,7 @@ figure
 # ## 1.6 Where to hover
 #
 # Compare four places. Distances are measured on the ground, and the last column counts the steps of
-# four slots needed to fetch 15 data units:
+# four slots that 15 data units take without fading:
 
 # %%
 for name, ground, exponent in (

@@ -66,8 +66,7 @@ figure
 # bending round edges, which is called *diffraction*.)
 #
 # This model of line of sight is flat: it ignores height. A UAV above a low building has no device
-# in sight, although from a real roof you could look down into the street: a ray that falls from 10 m
-# to a device 40 m away is still 2.5 m high 10 m before it.
+# in sight, although from a real roof you could look down into the street.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 
@@ -111,7 +110,7 @@ figure
 # %% [markdown]
 # Look at the cells one by one. A crossed cell has corners on both sides of the line, some positive
 # (blue) and some negative (orange). Any other cell has four corners of the same colour, so the line
-# misses it. **That is the whole test.**
+# misses it. **That is the test.**
 #
 # A program need not look at all four corners, because the number in the middle of the cell is
 # enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (not doubled, unlike the
@@ -119,7 +118,7 @@ figure
 # number changes by at most $(2 + 5)/2 = 3.5$, and at two opposite corners by exactly that, up at
 # one and down at the other. One of them therefore has a positive number and the other a negative
 # one, and the ray crosses the cell. In the middle of cell (0, 2) the number is 4, and a change of
-# 3.5 cannot take it below 0: the ray misses this cell. In general:
+# 3.5 cannot take it below 0: the ray misses this cell. In general, for the line:
 #
 # $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{|R| + |C|}{2}.$$
 #
@@ -174,14 +173,14 @@ figure
 #
 # ## 2.3 A whole city
 #
-# Which cells a ray crosses depends only on how far it goes down and to the right, not on where it
-# starts. So the library works out the crossed cells once for each such displacement, and shifts the
+# Which cells a ray crosses, counted from its start, depends only on how far it goes down and to the
+# right. So the library works out the crossed cells once for each such displacement, and shifts the
 # whole layer of buildings under the ray.
 #
 # The result is a table with four indices, two for the device's cell and two for the UAV's: $16^4 =
-# 65{,}536$ answers to the question whether the two see each other. It is computed once per city,
-# because buildings do not move. During a flight the program only looks up entries, so the devices
-# may stand elsewhere in the next mission at no extra cost.
+# 65{,}536$ answers to the question whether the two see each other. It need be computed only once
+# per city, because buildings do not move. During a flight the program only looks up entries, so the
+# devices may stand elsewhere in the next mission at no extra cost.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
@@ -202,8 +201,8 @@ figure
 
 # %% [markdown]
 # From a building, nothing is in sight. In a street you can see a long way in two directions, and at
-# a crossing in four. For a UAV the bright cells are good places, because more devices are likely to
-# be in sight from there.
+# a crossing in up to four. For a UAV the bright cells are good places, because more devices are
+# likely to be in sight from there.
 #
 # ## 2.4 Several devices
 #
@@ -222,17 +221,16 @@ figure
 print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 
 # %% [markdown]
-# There is no cell from which the UAV sees all three devices; from the palest cells it sees two.
+# There is no cell from which all three devices are in sight; from the palest cells, two are.
 # Hovering in one good place is not enough here, so the UAV has to travel. Which places should it
 # visit, and in which order? Deciding this is the agent's task.
 #
 # ## Recap
 #
 # - A link is blocked if, seen from above, the ray crosses the inside of a building.
-# - A ray crosses a cell if the cell has corners on both sides of the ray. Whole numbers are enough
-#   to decide this, so nothing is rounded.
-# - Two buildings that share a corner block the ray through that corner. One building alone does not
-#   block it.
+# - A ray crosses a cell between its ends if corners of the cell lie on both sides. Whole numbers
+#   are enough to decide this, so nothing is rounded.
+# - Two buildings on either side of a corner block the ray through it. One of them alone does not.
 # - A table says for every pair of cells whether one is in sight of the other, and the answer is the
 #   same in both directions. The deeper the violet of a cell, the more devices are hidden from it.
 #

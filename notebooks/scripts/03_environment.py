@@ -103,12 +103,12 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # world with this property is a **Markov decision process** (MDP). It has five parts: the states,
 # the actions, the distribution $p$, the reward (3.3), and a discount, which says how strongly later
 # rewards count (notebook 6). Our world is an MDP because fading is drawn anew in every slot, and
-# because the state contains the time left, which decides when the episode ends. If an agent sees
-# only part of the state, the process is *partially observable*, a **POMDP**.
+# because the state contains the time left, which decides when the flight must end. If an agent sees
+# only part of what matters, the process is *partially observable*, a **POMDP**.
 #
 # ## 3.3 What a step earns
 #
-# Nobody tells an agent which action is right. Instead, it gets a *reward* for each step, and
+# Nobody tells the DDQN agent which action is right. Instead, it gets a *reward* for each step, and
 # learning means changing the policy so that the sum of the rewards, the *return*, grows. The reward
 # has four parts (paper, section II-B):
 #
@@ -139,14 +139,14 @@ figure
 
 # %% [markdown]
 # Until the landing, the black line falls in a step that brings less than 0.2 units of data, and
-# rises in one that brings more. Its last value is the return. An agent that looked no further than the next reward
-# would go home where a step brings less, because landing costs nothing; it has to learn that a
-# costly step may pay for itself later. When data comes in after thirty steps, which of those steps deserve the credit? This
-# is the problem of **credit assignment** (notebook 6).
+# rises in one that brings more. Its last value is the return. An agent that looked no further than
+# the next reward would land at once here, because landing costs nothing; it has to learn that a
+# costly step may pay for itself later. When data comes in after thirty steps, which of those steps
+# deserve the credit? This is the problem of **credit assignment**.
 #
-# Why is data paid for when it comes in, and not on landing, when the score counts it? Because a
-# reward paid at once goes to the step that earned it. The drawback is that it is mainly the penalty
-# for a crash that makes the agent bring its data home (notebook 7).
+# Why pay for data when it comes in, and not on landing, when the score counts it? Because a reward
+# paid at once goes to the step that brought the data. The drawback is that without the penalty for
+# a crash an agent too often stays out with its data (notebook 7).
 #
 # ## 3.4 The safety controller
 #
@@ -170,7 +170,7 @@ for action in (NORTH, NORTH):
 # ended with the first wrong move, a beginner would hardly see anything of the city.)
 #
 # The controller is part of the UAV, not of the training: even the trained agent makes a few wrong
-# moves in every hundred missions. One could also remove the forbidden actions from its choices,
+# moves in a hundred missions. One could also remove the forbidden actions from its choices,
 # which is called **masking**; the paper lets the agent try them and pay.
 #
 # One disaster remains: the time is up, and the UAV is still in the air.
@@ -191,7 +191,7 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # ## 3.5 Who may send: four slots per step
 #
 # Each step has four communication slots, because much can change within a move of 10 m. In each
-# slot *one* device sends: the loudest of those with data left, that is, the one with the best SNR.
+# slot at most *one* device sends: the loudest of those with data left, the one with the best SNR.
 # Sharing a channel by taking turns is called **time division multiple access**, or TDMA (paper, eq.
 # 3). The data that a step brings in is the sum over its slots (eq. 4).
 #
@@ -227,8 +227,8 @@ figure
 # and a single one 1.02. This is **multi-user diversity**. But the rule takes no account of how much
 # data a device has, or of fairness: a device that is never the loudest never sends.
 #
-# In slot $i$ the UAV has flown $i/4$ of its move. In the next figure it flies east, past the corner
-# of a building. Fading is left out:
+# In slot $i$ the UAV has flown $i/4$ of its move. In the next figure it flies east, towards the
+# corner of a building. Fading is left out:
 
 # %%
 corner = Mission(environment.city, (4, 2), ((5, 4),), (50,), 30).state
@@ -243,9 +243,9 @@ right.set(xlabel="communication slot", ylabel="data units uploaded", xticks=rang
 figure
 
 # %% [markdown]
-# The dots show where the UAV is in the four slots. In slot 1 the building is in the way. The table
-# of notebook 2 has one answer for each *cell*; between two cells the nearer one decides, and
-# halfway, in slot 2, the cell ahead.
+# The dots show where the UAV is in the four slots. By the table of notebook 2 the building is in
+# the way in slot 1 only: the table has one answer for each *cell*; between two cells the nearer one
+# decides, and halfway, in slot 2, the cell ahead.
 #
 # ## 3.6 Fly it yourself
 #
@@ -276,10 +276,10 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 # ## Recap
 #
 # - The state holds the positions, the data and the time left.
-# - A step is a pure function of state, action and fading. The next state depends on the present
-#   state and the action, not on the past, so our world is a Markov decision process.
+# - A step is a pure function of state, action and fading. The distribution of the next state
+#   depends on the present state and the action alone, so our world is a Markov decision process.
 # - The reward pays for data and charges for steps, interventions and a crash.
-# - In each of the four slots of a step, the loudest of the devices with data left sends.
+# - At most one device sends in a slot: the loudest of those with data left.
 #
 # ## Exercises
 #

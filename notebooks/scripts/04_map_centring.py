@@ -60,11 +60,11 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # what blocks radio signals. Two show the data: how much each device still has, and how much the UAV
 # has collected from it. The last picture is empty because the flight has not begun. None of the
 # five shows the fading, the rate of a link or the shadows of notebook 2. Whatever the agent knows
-# about shadows, it must therefore work out from the layer of buildings or, if it flies in a single
-# city, learn by heart.
+# about shadows, it must therefore work out from the buildings or, if it flies in a single city,
+# learn by heart.
 #
 # The UAV is always in the middle of the *frame*, the square that each picture fills. This is called
-# **map centring** (paper, section III-C), the paper's second idea, after the map itself.
+# **map centring** (paper, section III-C).
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -74,9 +74,9 @@ Quiz("frame_size")
 # %% [markdown]
 # A city with $M$ cells on each side needs a frame that is $2M-1$ cells wide. When the UAV is at one
 # edge of the city, the opposite edge is $M-1$ cells away. So with $M-1$ cells on each side of the
-# UAV's own, the whole city is in the picture wherever the UAV is. (Section 5.7 asks whether a
-# network reads all of it.) Outside the city the layer "no-fly zone" is 1, because leaving the city
-# is refused just as entering a no-fly zone is.
+# UAV's own, the whole city is in the picture wherever the UAV is. (A network need not read
+# all of it: 5.7.) Outside the city the layer "no-fly zone" is 1, because leaving the city is
+# refused just as entering a no-fly zone is.
 #
 # ## 4.2 The stopped clock
 #
@@ -96,14 +96,15 @@ def at_time(state, units):
 
 # %%
 street = Mission(city, (8, 8), [(0, 8), (8, 4)], [15, 10], 50).state
-for units in (50, 15, 14):
+for units in (50, 17, 16):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
 # One device is far to the north, the other is nearer, in the west, and the nearest landing zone is
-# in the south-east. With 50 or 15 units of time left, the agent makes for the near device. With 14
-# it turns for home: from the next cell to the west, the way home would take 14 units, with 13 left.
-# From the pictures alone it could not tell these cases apart.
+# in the south-east, 13 units of time away, landing included. With 50 or 17 units left, the agent
+# makes for the near device. With 16 it turns for home, although a step towards the device would
+# still leave it a unit more than the way home takes. From the pictures alone it could not tell these
+# cases apart.
 #
 # Now let the agent fly 200 missions with a **stopped clock**: it sees the true pictures, but the
 # time it is shown never changes.
@@ -132,16 +133,12 @@ ax.set(xlabel="units of time on the stopped clock", ylabel="share")
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# With 5 units on the clock, most UAVs never leave the landing zone. More than half of all UAVs
-# land, with little data; nearly all the others hover there until the true time is up, because on a
-# clock that stands still the moment to land never comes.
-#
-# With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
-# the air when the true time is up, and with 50 or 60 units most are. Most of those that crash have
-# nothing left to collect, so flying home would be best, because each step costs something. But one
-# step more changes the Q-value by only 0.1 (half the usual price, in this agent's training), and so
-# small a difference is easily lost in the network's errors. No stopped clock gives a score (orange)
-# near that of the true clock (black).
+# With 5 units on the clock, nearly all UAVs land, but with hardly any data. With 30 to 50 units they
+# collect nearly everything, but up to a quarter of them are still in the air when the true time is
+# up; with 60, more than half. Many of those that crash have nothing left to collect, so flying home
+# would be best, because each step costs something. But one step more changes the Q-value by 0.2 at
+# most, and so small a difference is easily lost in the network's errors. No stopped clock gives a
+# score (orange) near that of the true clock (black).
 #
 # Without the time, the agent's **observation**, all that it sees, would not be a **Markov** state,
 # because the future would depend on something that the agent could not see: a **POMDP** (3.2). With
@@ -167,11 +164,11 @@ def seen_from(uav):
 draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))}, uav=(15, 15))
 
 # %% [markdown]
-# The world moves around the UAV. Without centring, the city would stay **in place**, and the UAV
-# would need a layer of its own, in which a single 1 moves. The centred and the fixed frame hold the
+# The world moves around the UAV. Without centring, the city stays **in place**, and the UAV
+# gets a layer of its own, in which a single 1 moves. The centred and the fixed frame hold the
 # same facts, but a place in the picture means something different in each. In the centred frame it
 # stands for a *relative* position, such as "three cells north of me". In the fixed frame it stands
-# for an *absolute* position, such as "cell (4, 7)". Most of what a pilot has to know is relative: a
+# for an *absolute* position, such as "cell (4, 7)". Much of what a pilot has to know is relative: a
 # wall just to the north stops the UAV in any street.
 #
 # Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the
@@ -196,11 +193,11 @@ draw_maps(views, uav=(15, 15))
 # UAV's cell, and for each device its cell and its data. Why pictures?
 #
 # - **The number of devices may vary.** A list for five devices has no room for a sixth. A map has
-#   room for any number, so neither the size of the input nor the network **depends on how many
-#   there are**. It would accept twenty devices, too, but may fly badly with them: a network can be
-#   trusted only with inputs like those it has learned from.
+#   room for one in each cell, so neither the size of the input nor the network **depends on how
+#   many there are**. It would accept twenty devices, too, but may fly badly with them: a network
+#   can be trusted only with inputs like those it has learned from.
 # - **The order does not matter.** In a list, "device 1 here, device 2 there" and the reverse look
-#   different, although they are the same mission, and a network would have to learn both:
+#   different, although they are the same mission, and most networks would have to learn both:
 
 # %%
 for places, data in (([(4, 7), (11, 11)], [15, 10]), ([(11, 11), (4, 7)], [10, 15])):
@@ -209,14 +206,14 @@ for places, data in (([(4, 7), (11, 11)], [15, 10]), ([(11, 11), (4, 7)], [10, 1
 
 # %% [markdown]
 # **The city can be seen together with the devices.** A device behind a building forms a pattern in
-# the picture. In a list the building does not appear.
+# the picture. In such a list the building does not appear.
 #
 # The price of pictures is size: 4805 numbers instead of about twenty. A network with a separate
 # adjustable number, a *weight*, for each of them would have to learn the same pattern again for
 # each place in the picture. Therefore the agent's network begins with *convolutions* (notebook 5),
 # which look for the same pattern in many places.
 #
-# When the *task* changes, it often suffices to add or remove a layer. Say the **devices move**
+# When the *task* changes, it may suffice to add or remove a layer. Say the **devices move**
 # through the streets while the UAV flies. What would you change in the state, the reward and the
 # network's input? Decide before you read on.
 #
@@ -235,7 +232,7 @@ for places, data in (([(4, 7), (11, 11)], [15, 10]), ([(11, 11), (4, 7)], [10, 1
 #   to go home.
 # - Centring puts the UAV in the middle of a frame that is $2M-1$ cells wide, so that a place in the
 #   picture stands for a position relative to the UAV.
-# - A map has room for any number of devices, does not depend on their order, and shows the city
+# - A map has room for a device in each cell, does not depend on their order, and shows the city
 #   together with them.
 # - An observation that holds everything that matters is a Markov state. If something is missing,
 #   the problem is a POMDP.

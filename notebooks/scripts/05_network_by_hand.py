@@ -9,9 +9,9 @@
 # %% [markdown]
 # # 5 · A network by hand
 #
-# The agent's network turns the five pictures of notebook 4 into six numbers, one for each action.
-# **How can a formula look at a picture, and how does it learn what to look for?** Here is the
-# paper's network; you will build a smaller one:
+# The agent's network turns the five pictures of notebook 4 and the time into six numbers, one for
+# each action. **How can a formula look at a picture, and how does it learn what to look for?** Here
+# is the paper's network, sized as in the authors' code; you will build a smaller one:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -51,7 +51,7 @@ SVG(data_folder() / "figures/network.svg")
 #
 # $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
-# Here are nine inputs, nine weights and their products:
+# Nine inputs, nine weights and their products:
 
 # %%
 import numpy as np
@@ -68,11 +68,11 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 # With a bias of 0, the output is 3, the sum of the numbers on the right. This neuron asks whether
 # something is on the right and nothing on the left.
 #
-# Neurons with the same inputs form a **layer**, which is **fully connected**, or *dense*, if each
-# has a weight for every input. Two such layers in a row can do no more than one, because a weighted
-# sum of straight lines is again a straight line. So between them, something has to bend the lines:
-# the **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others.
-# Here are three bent lines and their sum:
+# Neurons side by side form a **layer**, which is **fully connected**, or *dense*, if each has a
+# weight for every input. Two such layers in a row can do no more than one, because a weighted sum
+# of straight lines is again a straight line. So between them, something has to bend the lines, such
+# as the **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all
+# others. Three bent lines and their sum:
 
 # %% tags=["hide-input"]
 from matplotlib import pyplot as plt
@@ -86,16 +86,16 @@ ax.set(xlabel="input", ylabel="output")
 ax.legend();
 
 # %% [markdown]
-# Each neuron adds one kink. With enough kinks, the sum can follow any continuous curve.
+# Each neuron adds one kink. With enough kinks, the sum can closely follow any continuous curve
+# between two given inputs.
 #
 # ## 5.2 Going downhill
 #
-# At first the weights are random (those of no input may be 0), because neurons with equal weights
-# would learn the same thing. A
-# **loss** measures how wrong the output is, and its *slope* with respect to a weight says whether
-# it grows or shrinks when the weight grows. To step downhill, change the weight by minus the slope
-# times a small number, the **learning rate**. This is **gradient descent**; the *gradient* is the
-# list of all slopes.
+# At first the weights are random (those of no input may be 0), because neurons that start alike
+# would learn the same thing. A **loss** measures how wrong the output is, and its *slope* with
+# respect to a weight says whether it grows or shrinks when the weight grows. To step downhill,
+# change the weight by minus the slope times a small number, the **learning rate**. This is
+# **gradient descent**; the *gradient* is the list of all slopes.
 #
 # Take a neuron with one weight and no bias. The input is 3 and the output should be 6.
 
@@ -112,40 +112,40 @@ ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")
 ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
-# The weight settles at the bottom. Now break it: with a learning rate of 0.2 each step jumps across
+# The weight nears the bottom. Now break it: with a learning rate of 0.2 each step jumps across
 # the valley and lands higher up on the other side, and with 0.0002 the weight hardly moves. A
 # number like this one, chosen rather than learned, is a **hyperparameter**.
 #
-# The slope has the input, 3, as a factor, so a weight with a large input takes large steps; that is
-# why many recipes scale data and time to small numbers. It also grows with the error, so one error
-# of 150 pulls as hard as 150 errors of 1; the **Huber loss**, a straight line further out, limits
-# that.
+# The slope has the input, 3, as a factor, so a weight with a large input takes large steps, one
+# reason why many recipes scale data and time to small numbers. It also grows with the error, so one
+# error of 150 pulls as hard as 150 errors of 1; the **Huber loss**, a straight line further out,
+# limits that.
 #
 # ## 5.3 Backpropagation
 #
-# How does a weight in the first layer learn which way is down? By the chain rule. Here is the
-# smallest network with two layers, with $w_1=0.5$ and $w_2=2$. Its output $y$ should be 6.
+# How does a weight in the first layer learn which way is down? By the chain rule. Take the
+# smallest two-layer network, with $w_1=0.5$ and $w_2=2$. Its output $y$ should be 6.
 #
 # ```text
 #  forward      x = 3  ──×w₁──▶  h = 1.5  ──ReLU──▶  1.5  ──×w₂──▶  y = 3  ──▶  loss (y−6)² = 9
 #
 #  slopes of
 #  the loss            −36 at w₁  ◀──×3──  −12 at h  ◀──×w₂──   −6 at y: 2·(y−6)
-#                                                └──×1.5──▶   −9 at w₂
+#                                          −9 at w₂  ◀──×1.5──┘
 # ```
 #
-# Read the slopes from right to left. If $y$ grows a little, the loss changes by $-6$ times as much.
-# If $w_2$ grows, $y$ grows $h=1.5$ times as much: the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$
-# grows, $y$ grows $w_2=2$ times as much: the slope at $h$ is $-12$. (Where a ReLU gives 0, its
-# slope is 0, and the weights before it learn nothing. Where a number feeds several neurons or
-# examples, its slopes add up.) If $w_1$ grows, $h$ grows $x=3$ times as
-# much: the slope at $w_1$ is $-36$. Each slope is one to its right times a number that the forward
-# pass has left, so one backward pass gives the slopes of *all* weights. This is
-# **backpropagation**.
+# If $y$ grows a little, the loss changes by $-6$ times as much. If $w_2$ grows, $y$ grows $h=1.5$
+# times as much: the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$ grows, $y$ grows $w_2=2$ times as
+# much: the slope at $h$ is $-12$. (Where a ReLU gives 0, its slope is 0, and the weights before it
+# learn nothing. Where a number feeds several neurons or examples, its slopes add up.) If $w_1$
+# grows, $h$ grows $x=3$ times as much: the slope at $w_1$ is $-36$. Each further slope is one to
+# its right times a number from the forward pass, so one backward pass gives the slopes of *all*
+# weights. This is **backpropagation**.
 #
-# (To check a slope, move the weight by 0.001 to either side: the loss changes by 0.002 times it.)
+# (To check a slope, move the weight by 0.001 to either side: the loss changes by about 0.002
+# times it.)
 #
-# PyTorch does the same. Its arrays, **tensors**, remember how they were computed:
+# PyTorch does the same. Its arrays, **tensors**, can remember how they were computed:
 
 # %%
 w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # note all operations on these
@@ -190,15 +190,14 @@ def train(model, x, y, updates=400):
 # - **Adam** divides each weight's steps by the usual size of its slopes, so that all weights take
 #   steps of similar length.
 # - The loss is a mean over a **minibatch**: all examples would take longer, a single one would be
-#   too noisy.
-# - `zero_grad` forgets the old slopes, `backward` is backpropagation, and `step` moves every weight
-#   downhill.
+#   noisier.
+# - `zero_grad` forgets the old slopes, `backward` is backpropagation, and `step` moves the weights.
 #
 # ## 5.5 A window that moves
 #
 # Move the neuron of 5.1 like a window across a picture, and note its output at each place. This is
-# a **convolution**, and the weights are its *kernel*. (In a course on signals it is a
-# *cross-correlation*, because the kernel is not turned round.)
+# a **convolution**, and the weights are its *kernel*. (Signal theory calls it
+# *cross-correlation*: the kernel is not turned round.)
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -208,10 +207,10 @@ result = torch.nn.functional.conv2d(one, kernel)[0, 0]
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks the building's western edge; red, its eastern one. The same nine weights are used
-# everywhere (**weight sharing**), so what they learn in one place holds in all others: if the
-# building moves one cell east, so does the result (**translation equivariance**). A kernel $k$
-# cells wide turns $n$ cells into $n-k+1$; a rim of zeros (**padding**) would keep the size.
+# On the right, blue marks the building's western edge; red, its eastern one. The same nine weights
+# are used everywhere (**weight sharing**), so what they learn in one place holds in all others: if
+# the building moves one cell east, so does the result (**translation equivariance**). A kernel $k$
+# cells wide turns $n$ cells into $n-k+1$; a rim of zeros (**padding**) can keep the size.
 #
 # The number of cells by which the window moves each time is the **stride** $s$. It leaves
 # $\lfloor(n-k)/s\rfloor+1$ cells along each side. But with a stride of 2 the result moves along with
@@ -257,9 +256,9 @@ for name, (model, maps) in networks.items():
 assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
-# The **dense network in place** has learned training pairs by heart, and does little better than
-# guessing on new ones: **overfitting**. Its weights belong to absolute places, such as "device at
-# (4, 7)", and whether that is near depends on where the UAV is.
+# The **dense network in place** has learned many training pairs by heart, and does little better
+# than guessing on new ones: **overfitting**. Its weights belong to absolute places, such as "device
+# at (4, 7)", and whether that is near depends on where the UAV is.
 #
 # The **convolutions** avoid this: one window sees the UAV and a nearby device *together*, anywhere.
 # With the **centred** map even the dense network is nearly perfect, because the question has become
@@ -268,9 +267,9 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # ## 5.7 The network of your agent
 #
 # Now write the network that you will train in notebook 7. It sees the centred map of the village, a
-# city of 8 × 8 cells: $2\cdot8-1=15$ cells on a side. Two convolutions with 8 kernels look for what
-# is near, and each kernel makes a new picture, a **feature map**. The flying time joins the list
-# after them. The last layer has six neurons without a ReLU, because a Q-value may be negative:
+# city of 8 × 8 cells: $2\cdot8-1=15$ cells on a side. Two convolutions with 8 kernels each look for
+# what is near, and each kernel makes a new picture, a **feature map**. The flying time joins the
+# list after them. The last layer has six neurons without a ReLU, because a Q-value may be negative:
 # **one forward pass gives all six Q-values** (paper, Fig. 2).
 
 # %%
@@ -307,8 +306,8 @@ print(f"{sum(weights.numel() for weights in network.parameters()):,} weights")
 # Each number in a layer's output is a *unit*, and what it sees of the map is its **receptive
 # field**. A unit of the second convolution sees 3 units of the first along each side, whose windows
 # are 3 cells wide and 2 apart: $3+2\cdot2=7$ cells. Together the units read all of your map. Where
-# windows do not come out even, the last rows and columns are never read, as in the agent of
-# notebook 0. (A *recipe* is the library's word for all constants of a training; `paper` has the
+# windows do not come out even, the last rows and columns are never read, unless the map is first
+# made larger. (A *recipe* is the library's word for all constants of a training; `paper` has the
 # authors'.)
 #
 # | layer | recipe `paper`, a city of 16 × 16 | yours |
@@ -320,16 +319,16 @@ print(f"{sum(weights.numel() for weights in network.parameters()):,} weights")
 # | fully connected | 256, 256, 256 | 128, 128 |
 # | weights in all | 2,308,854 | 27,710 |
 #
-# Nearly all weights of the paper's network are in its first dense layer, whose inputs grow with the
-# map. (Many networks have **pooling**: of each small window they keep the largest number. Ours has
-# none, because it blurs *where* things are.)
+# Of the weights of `paper`, 94 % are in its first dense layer, whose inputs grow with the map.
+# (Many networks have **pooling**: of each small window they keep one number, such as the largest.
+# Ours has none, because pooling blurs *where* things are.)
 #
 # ## Recap
 #
 # - Gradient descent moves each weight downhill; backpropagation finds all slopes at once.
 # - A convolution moves one neuron across a picture, so what it learns in one place holds in all
 #   others. With centred maps, what even a dense network learns holds wherever the UAV is.
-# - The network of your agent is written. What it should say is the subject of [notebook
+# - Your agent's network is written. What it should say is the subject of [notebook
 #   6](06_ddqn.ipynb).
 #
 # ## Exercises

@@ -10,8 +10,8 @@
 # # 6 · From Q-learning to DDQN
 #
 # Near a corner of the village stands a device. Nobody has told the UAV where, and only the very last
-# step brings a reward. Yet flights *at random* can teach every cell that they pass the way; here is
-# where that ends:
+# step earns anything. Yet flights *at random* can teach every cell that they pass the way; here is
+# what there is to learn:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -55,7 +55,7 @@ def draw_values(values, titles):
         draw_actions(ax, village, q.argmax(2).ravel())
         ax.plot(DEVICE[1], DEVICE[0], "X", color="C1", mec="white", ms=11, zorder=6)
 
-def far_sighted():  # what the first section computes
+def far_sighted():  # solves the Bellman equation of 6.1
     q = np.zeros((8, 8, 4))
     for _ in range(100):
         for cell in np.argwhere(~village.no_fly):
@@ -75,14 +75,13 @@ draw_values([right_values], [""])
 # | **What you'll learn** | The Bellman equation, discount, replay, target network, exploration, double Q-learning |
 # | **What you'll need** | Notebooks 3 to 5. 40 minutes to read, 40 seconds to run; 60 minutes of exercises |
 #
-# The greener a cell, the more it is worth; an arrow shows its best move. **How can a number in one
+# The greener a cell, the more it is worth; an arrow shows a best move. **How can a number in one
 # corner know about a reward thirteen steps away?**
 #
 # ## 6.1 A table
 #
-# There are four actions, the moves north, east, south and west. Reaching the device brings 10 units
-# of data and ends the flight; each step costs 0.2; a move against a building or off the grid leaves
-# the UAV where it is.
+# The four actions are moves north, east, south and west. Reaching the device brings 10 units of
+# data and ends the flight; each step costs 0.2; a forbidden move leaves the UAV where it is.
 
 # %%
 def step(cell, action):
@@ -145,13 +144,13 @@ draw_values([learn_table(n) for n in (1, 4, 40)], ["1 flight", "4 flights", "40 
 draw_values([right_values, learn_table(40, worth=np.mean)], ["the largest", "the mean"])
 
 # %% [markdown]
-# Now the table knows what flying *at random* is worth: hardly anything but the cost of the steps,
-# though most arrows still point the right way. A
-# method that learns about good flying from the flights of another policy is **off-policy**; one
-# that learns what its own flying is worth, like *SARSA*, is **on-policy**. An off-policy method may
-# learn from old flights again and again.
+# Now the table knows what flying *at random* is worth: far from the device, hardly anything but the
+# cost of the steps, though most arrows still point the right way. A method that learns about good
+# flying from the flights of another policy is **off-policy**; one that learns what its own flying
+# is worth, like *SARSA*, is **on-policy**. An off-policy method may learn from old flights again
+# and again.
 #
-# **The last step.** If the flight ended, $y$ is $r$ alone; otherwise rewards seem to go on after a
+# **The last step.** If the flight ended, $y$ is $r$ alone, or rewards would seem to go on after a
 # crash. A mission whose time is up is over, a **termination**. If a simulation merely stops after
 # 1000 steps, that is a **truncation**: more would have followed, and $y$ keeps its second part.
 #
@@ -176,7 +175,7 @@ draw_values([right_values, learn_table(40, worth=np.mean)], ["the largest", "the
 # A table may learn from the steps of a flight in order. A network should not: successive steps are
 # alike, gradient descent works best with independent examples, and because the same weights serve
 # all places, fitting the latest steps makes it **forget** the rest. So all steps go into a **replay
-# memory**, and the network learns from a *minibatch* drawn from it at random. Here is one:
+# memory**, and the network learns from a *minibatch* drawn from it at random. Here is a memory:
 
 # %%
 rows = []
@@ -191,10 +190,9 @@ memory = torch.tensor(rows, dtype=torch.float32)
 print(f"{len(memory):,} steps; the last one: {memory[-1].tolist()}")
 
 # %% [markdown]
-# Of the 50,000 steps in the authors' memory, their minibatch of 128 would hold the newest once in
-# 400 times. The paper's
-# **combined experience replay** puts it into every minibatch. ([Notebook 11](11_replay.ipynb) asks
-# how large a memory should be.)
+# Of the 50,000 steps in the authors' memory, their minibatch of 128 would hold the newest about
+# once in 390 times. The paper's **combined experience replay** puts it into every minibatch.
+# ([Notebook 11](11_replay.ipynb) asks how large a memory should be.)
 #
 # ## 6.3 It explodes
 #
@@ -218,7 +216,7 @@ def network_and_optimiser(seed):
     return online, torch.optim.Adam(online.parameters(), lr=0.01)
 
 # %% [markdown]
-# The obvious judge is the network itself. The start is worth about 3.5, as the table knows:
+# The obvious judge is the network itself. The start is worth about 3.5:
 
 # %%
 def value(network):
@@ -236,11 +234,11 @@ print("value of the start:", *(f"{path[-1]:,.0f}" for path in exploding))
 assert min(path[-1] for path in exploding) > 100
 
 # %% [markdown]
-# All three have exploded. Why, when a table does not? An update raises $Q(s,a)$ towards $y$. In a
-# table nothing else changes. In the network the same weights also make the values of neighbouring
-# cells, so those rise, too, and *the next cell $s'$ is a neighbour*. But $y$ is computed from the
-# values of $s'$: by moving towards the target, the network has pushed the target away, and the
-# chase goes on.
+# All three have exploded. Why, when a table does not? Say an update raises $Q(s,a)$ towards $y$. In
+# a table nothing else changes. In the network the same weights also make the values of neighbouring
+# cells, so those tend to rise, too, and *the next cell $s'$ is a neighbour*. But $y$ is computed
+# from the values of $s'$: by moving towards the target, the network has pushed the target away, and
+# the chase goes on.
 #
 # ```text
 #            ┌──────── y = r + γ max Q(s') ◀────────┐
@@ -249,8 +247,7 @@ assert min(path[-1] for path in exploding) > 100
 # ```
 #
 # Three things come together: a network that generalises, targets made from its own estimates
-# (**bootstrapping**), and learning off-policy. With this *deadly triad* no theorem promises a good
-# end.
+# (**bootstrapping**), and learning off-policy. With this *deadly triad*, learning may diverge.
 #
 # ### The target network
 #
@@ -287,7 +284,7 @@ ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog",
 
 # %% [markdown]
 # While the online network takes a step, the targets hardly move, so it can catch up. The target
-# network lags about $1/\tau$ updates behind: 20 here, 200 with the paper's $\tau=0.005$. Are the
+# network lags about $1/\tau$ updates behind: 20 here, 200 with the authors' $\tau=0.005$. Are the
 # calm values right?
 
 # %% tags=["hide-input"]
@@ -308,9 +305,9 @@ print("cells from which it arrives: table", arrivals(right_values),
 draw_values([right_values, *learned[:2]], ["table", "network", "another"])
 
 # %% [markdown]
-# Nearly: from about three quarters of the cells the best actions lead to the device. The values are
-# smoother than the table's, because two inputs and 64 neurons draw no sharp edges around buildings,
-# and a small error can turn an arrow. Your agent's network sees the buildings.
+# Nearly: on average they are too low by about 1, and from about three quarters of the cells, or
+# more, the best actions lead to the device. Neighbouring cells differ by about half a unit, so a
+# small error can turn an arrow. Unlike this network, your agent's sees the buildings.
 #
 # ## 6.4 Exploring
 #
@@ -379,7 +376,7 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
     print(f"{name:<19} mean target {double_target(zeros, no, 1.0, chooser, judge).mean():5.2f}")
 
 # %% [markdown]
-# The right target is 0, and only the stranger finds it. The target network, an older copy of the
+# The right target is 0, and only the stranger finds it. The target network, which lags behind the
 # online one, is a related judge, so it removes part of the bias.
 #
 # All this together is a *double deep Q-network*, a **DDQN**.
@@ -387,11 +384,11 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # ## Recap
 #
 # - The Bellman equation ties each Q-value to those of the next state, so news spreads backwards.
-# - A replay memory makes a minibatch's examples nearly independent.
-# - A network that makes its own targets may explode; a slow target network keeps it calm.
+# - A replay memory makes a minibatch's examples less alike.
+# - A network that makes its own targets may explode; a slow target network can calm it.
 # - The online network chooses, the target network judges.
 #
-# You have now written every part of the algorithm ([the whole on one
+# You have now written the main parts of the algorithm ([the whole on one
 # page](../docs/tutorials/pseudocode.md)). In [notebook 7](07_training.ipynb) they run together for
 # the first time.
 #

@@ -9,9 +9,9 @@
 # %% [markdown]
 # # 7 · Your agent learns to fly
 #
-# This is the network of notebook 5 before it has learned anything. Each arrow is the action that it
-# thinks best in that cell. **A minute from now it will collect nearly everything and come home, and
-# you will have seen every line that made it.**
+# This is the network of notebook 5 before it has learned anything. Each grey arrow is the action
+# that it thinks best in that cell. **After about a minute of training it will collect nearly
+# everything and come home, by a loop that you have written.**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -41,8 +41,8 @@ from torch import nn
 from uavdh_lite.city import load_city
 from uavdh_lite.course.live import Live
 from uavdh_lite.environment import Environment, Rewards, State
-from uavdh_lite.one_file import VILLAGE, CentredMap, QNetwork  # written in notebooks 4 and 5
-from uavdh_lite.one_file import Settings, double_target, softmax_policy  # and in notebook 6
+from uavdh_lite.one_file import VILLAGE, CentredMap, QNetwork  # of notebooks 4 and 5
+from uavdh_lite.one_file import Settings, double_target, softmax_policy  # and of notebook 6
 
 torch.set_num_threads(1)  # quickest for a small network
 environment = Environment(load_city("village"))
@@ -62,7 +62,7 @@ Live(Settings(), environment, missions).draw_mission(ax, q_values_of(QNetwork(se
 # | | |
 # | --- | --- |
 # | **What you'll do** | Write memory, update and loop, train your agent live, and turn knobs while it learns |
-# | **What you'll learn** | The training loop, validation, what the curves say, five ways to fail |
+# | **What you'll learn** | The training loop, validation, what the curves say, five ways to spoil it |
 # | **What you'll need** | Notebooks 3 to 6. 40 minutes to read, 60 seconds to run; 60 minutes of exercises |
 #
 # The village has 8 × 8 cells and one or two devices, and the UAV has 20 to 35 units of time. From
@@ -71,8 +71,8 @@ Live(Settings(), environment, missions).draw_mission(ax, q_values_of(QNetwork(se
 #
 # ## 7.1 The memory
 #
-# Sixteen UAVs fly side by side. Their steps go into a *ring*: when it is full, the newest steps take
-# the place of the oldest. It stores states, a few numbers each; maps are made anew for each
+# Sixteen UAVs fly side by side. Their steps go into a *ring*: when it is full, the newest steps
+# take the place of the oldest. It stores states, a few numbers each; maps are made anew for each
 # minibatch. If the steps are numbered from the newest one back, a minibatch takes 0 to 15, the
 # newest of each UAV (**combined replay**, III-B), and draws the others from all older ones:
 #
@@ -81,8 +81,8 @@ Live(Settings(), environment, missions).draw_mission(ax, q_values_of(QNetwork(se
 #                                           ▲ the next 16 steps go here
 # ```
 #
-# With 64 drawn for 16 new ones, each step is learned from about four times, however large the
-# memory is.
+# With 64 drawn for 16 new ones, a step is learned from about four times on average, however large
+# the memory is.
 
 # %%
 class Memory:
@@ -112,8 +112,8 @@ class Memory:
 
 # %% [markdown]
 # Try it: 125 random steps of the 16 UAVs. `after` is stored as the step left it, *before* a new
-# mission takes the place of one that has ended. Otherwise no step in the memory would ever end, and
-# no agent would learn to land.
+# mission takes the place of one that has ended. Otherwise no step in the memory would end a flight,
+# and landing would seem to lead to a new mission.
 
 # %% tags=["hide-input"]
 def random_steps(memory, rounds, generator):
@@ -133,8 +133,8 @@ print(f"{len(memory):,} steps; of 64 drawn, {after.ended.sum()} end a flight; re
 # %% [markdown]
 # ## 7.2 One update
 #
-# The target $y$ of the double network (eq. 8), a step downhill on the squared error (eq. 7), and the
-# target network follows:
+# The target $y$ of the double network (eq. 8), a step downhill on the squared error (eq. 7), and
+# the target network follows:
 
 # %%
 def update(online, target, optimiser, batch, settings):
@@ -161,13 +161,13 @@ def beginners(learning_rate=2e-3):
 
 # %% [markdown]
 # Without `ended` every flight would seem to go on after its last step, and landing would seem to be
-# worth almost as much as flying on. (Adam's `eps` and `amsgrad` are those of the authors' code;
-# `fused` only saves time.)
+# no more than a pause. (Adam's `eps` and `amsgrad` are those of the authors' code.)
 #
 # ## 7.3 How good is it?
 #
-# In a **validation** the agent flies missions that are always the same and always takes the best
-# action (eq. 9); those of training explore, and each is another one. Watch *collected and landed*, the share of the data that came home.
+# In a **validation** the agent flies missions that are always the same and always takes the action
+# with the highest Q-value (eq. 9); in training it explores, and missions are drawn anew. Watch
+# *collected and landed*, the share of the data that came home.
 
 # %%
 def evaluate(network, missions=100):
@@ -195,10 +195,9 @@ print("untrained: landed {:.0%}, collected and landed {:.0%}".format(*evaluate(b
 #    └──────────────── the network now knows a little more ◀────────────┘
 # ```
 #
-# What you can turn is in `settings`, which each round reads anew, so a knob acts at once (only a
-# memory that was made smaller stays small). One constant departs from the authors' code and decides
-# everything: **the price of a crash** grows from 5 to 20, whereas there it is 150 from the start.
-# You'll see why.
+# What the knobs turn is in `settings`, which each round reads anew, so they act at once (only a
+# memory that was made smaller stays small). One of the departures from the authors' code matters
+# a lot: **the price of a crash** grows from 5 to 20, whereas there it is 150 (by default).
 
 # %%
 async def training(settings, live, seed=0):
@@ -238,9 +237,10 @@ yours = await training(settings, live)
 
 # %% [markdown]
 # The left side is the curve: each point is 100 missions without exploring. The right side is one
-# mission, flown by the agent of that moment; the grey arrows show what it would do from each cell.
+# mission, flown by the agent of that moment; the grey marks show what it would do at its start in
+# each free cell.
 #
-# It is *your agent*, and it comes along to the end of the course:
+# It is *your agent*, and it comes along to notebook 9:
 
 # %%
 from uavdh_lite.agent import Agent
@@ -266,8 +266,8 @@ play(environment, flights.trajectory(0))
 # ## 7.5 Predict, turn, see
 #
 # Run the training cell again, and turn one knob at a time, the sooner the better. (Knobs act while
-# a cell runs if the kernel passes their messages on, as ipykernel 7.4 does. With another, add a line
-# to the cell, below its first, such as `settings.temperature = 1000`.) **Write your guess down
+# a cell runs if the kernel passes their messages on, as ipykernel 7.4 does. If not, add a line to
+# the cell, below its first, such as `settings.temperature = 1000`.) **Write your guess down
 # first.**
 #
 # 1. *Price of a crash: 150.* What will `landed` do, and what the other curve?
@@ -302,27 +302,27 @@ figure.supylabel("share", fontsize="medium");
 
 # %% [markdown]
 # With a **price of 150** it learns to land, and leaves more than half of the data behind. **Without
-# a price** it learns later, and in the end is still in the air in a sixth to half of the missions
-# when time is up. From a **frozen** judge it can learn one step ahead and no more, so news does not
-# spread. With a **small memory**, a minibatch comes from a few dozen flights: one run became timid,
-# two collected and never learned to land. **At random** it still learns, because Q-learning is off-policy (6.1)
-# and the curve shows it without exploring; but random flights rarely get far.
+# a price** it learns to collect, but in the end is still in the air in a sixth to half of the
+# missions when time is up. From a **frozen** judge it can learn one step ahead and no more, so news
+# does not spread. With a **small memory**, a minibatch comes from a few dozen flights: one run
+# became timid, two collected and never learned to land. **At random** it still learns, because
+# Q-learning is off-policy (6.1) and the curve shows it without exploring; but random flights rarely
+# get far.
 #
-# Why does a high price do harm? Landing at once never cost anything, and most flights away from
-# home ended in a crash; an agent that has seen that concludes that it is best to stay at home. Such
+# Why does a high price do harm? Landing at once costs nothing, and at first most flights far from
+# home end in a crash; an agent that sees that may conclude that it is best to stay near home. Such
 # a **lazy agent** is a common failure. Why is a low price not enough? Ten steps ahead a price of 5
-# counts only $5\cdot0.95^{10}\approx3$, less than most devices hold. So the price is low at first
-# and grows.
+# counts only $5\cdot0.95^{10}\approx3$, less than any device holds at first. So the price is low
+# at first and grows.
 #
-# And why does the agent without a price so often stay out, although nothing is left to collect?
-# Landing now instead of hovering until the end saves 0.2 units a step, so going home *is* best. But
-# such differences are a few tenths of a unit, and a network that is wrong by more than that cannot
-# tell them apart (4.2).
+# And why does the agent without a price so often stay out, although hardly anything is left to
+# collect? Landing now instead of hovering until the end saves 0.2 units a step, so then going home
+# *is* best. But such differences are small, and are easily lost in the network's errors (4.2).
 #
 # ## 7.6 Reading the curves of a long run
 #
-# Over Manhattan training takes hours. Here are the curves of one run of an earlier recipe `lite`, the
-# means of training flights, in which the agent explores:
+# Over Manhattan training takes longer. Here are the curves of one run of the recipe `lite`:
+# the loss, and means over training flights, in which the agent explores:
 
 # %% tags=["hide-input"]
 table = read_table(data_folder() / "runs/ddqn-manhattan-training.csv.gz")
@@ -333,19 +333,19 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
     ax.set(title=name, xlabel="million steps")
 
 # %% [markdown]
-# At first the agent learns to land. Then **collected** rises while **landed** and the **return**
-# fall, because it flies farther. Later both recover.
+# The first flights are random and mostly land, with little data. Then **collected** rises while
+# **landed** and the **return** fall: the agent rarely comes home in time. Later both recover.
 #
-# Many people look at the **loss** first, but it tells you least: the targets move with the network,
+# Many people look at the **loss** first, but it tells little: the targets move with the network,
 # so it may rise while the agent gets better, and its size depends on that of the rewards. Look at
-# *landed* and *collected* together, and at other seeds, because a single dip is often chance. If
-# the Q-values are far above what then comes in, they diverge (6.3). [My agent does not
+# *landed* and *collected* together, and at other seeds, because a single dip may be chance. If the
+# Q-values are far above what then comes in, they may be diverging (6.3). [My agent does not
 # learn](../docs/tutorials/does_not_learn.md) is a checklist.
 #
-# `lite` strengthens the method for such a city. Three changes show the idea: 32 UAVs side by side; a
-# price of a crash that grows from 10 to 150; and targets with three rewards before the Q-value, a
-# *three-step return*, so that news spreads faster (though the second and third reward are what an
-# older policy earned):
+# `lite` strengthens the method for such a city. Three changes show the idea: 32 UAVs side by side;
+# a price of a crash that grows from 10 to 150; and targets with three rewards before the Q-value, a
+# *three-step return*, so that news spreads faster (though the second and third reward may be what
+# an older policy earned):
 #
 # $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
 #
@@ -354,25 +354,25 @@ for ax, name in zip(axes, ("landed", "collected", "return", "loss")):
 #
 # ## 7.7 All of it in one file
 #
-# What you wrote stands, under the same names, in `uavdh_lite/one_file.py`, 250 lines; a project or
-# a thesis can start from a copy.
+# What learns stands in `uavdh_lite/one_file.py`, 250 lines; a project or a thesis can start from a
+# copy.
 #
-# | name | what it is | written in | paper |
+# | name | what it is | section | paper |
 # | --- | --- | --- | --- |
 # | `CentredMap` | what the network sees | 4.3 | III-C |
 # | `QNetwork` | what each action is worth | 5.7 | Fig. 2 |
 # | `softmax_policy` | draws actions | 6.4 | eq. 10 |
 # | `double_target` | what the network should have said | 6.5 | eq. 8 |
 # | `Memory` | what happened | 7.1 | III-B |
-# | `update` | a step downhill; the target network follows | 6.3, 7.2 | eq. 7 |
+# | `update` | a step of Adam; the target network follows | 6.3, 7.2 | eq. 7 |
 # | `evaluate` | missions without exploring | 7.3 | eq. 9 |
-# | `train` | the loop | 7.4 | Alg. in III |
+# | `train` | the loop | 7.4 | III |
 #
 # ## Recap
 #
 # - Training is a loop: act, step, remember, draw, update. The agent makes its own data.
-# - A price of a crash that is large from the start makes an agent lazy; without one it stays out too
-#   often.
+# - With a price of a crash that is large from the start our agents collected little; without one
+#   they stayed out too often.
 #
 # ## Exercises
 #

@@ -71,7 +71,7 @@ axes[0].legend();
 # ## 8.1 One thing changed
 #
 # An ablation tells us something only if all else is equal. Here is one state, and the same state
-# with the UAV two cells further east and three further south, as both arms see it:
+# with the UAV two cells further east and three further south, as both arms see its buildings:
 
 # %%
 from dataclasses import replace
@@ -96,10 +96,10 @@ draw_maps(pictures)
 # %% [markdown]
 # In the centred map everything moves when the UAV moves, and what is one cell east of the UAV is
 # always in the same place of the picture. Without centring the city stays where it is, and one more
-# layer has a single 1 in the UAV's cell. Both maps hold the same information; what differs is how
-# hard it is to use: to know what is *near*, the second network must find that 1 and look around it.
-# (The city in place stands in a frame of the same size, so the second network has only the weights
-# of that layer more.)
+# layer has a single 1 in the UAV's cell. Both maps hold the same information; what may differ is
+# how hard it is to use: to know what is *near*, the second network must find that 1 and look around
+# it. (The city in place stands in a frame of the same size, so the second network has only the
+# weights of that layer more.)
 #
 # ## 8.2 Train both arms
 #
@@ -161,15 +161,15 @@ trained["in place, scaled"] = learn("scaled", observation="non_centred", data_sc
 draw_trained()
 
 # %% [markdown]
-# If the scaled arm ends higher in your run, was the guess right? It is one short run of each, and in
-# the figure above three runs of one and the same arm end between 65 and 77 %, without any change at
-# all. A guess that sounds right is still a guess. How much would persuade you?
+# If the scaled arm ends higher in your run, was the guess right? It is one short run of each, and
+# in the village's figure three runs of one arm end between 65 and 77 %, though only chance differs.
+# A guess that sounds right is still a guess. How much would persuade you?
 #
 # ## 8.3 How sure can you be?
 #
-# Train again with another **seed**, and all chance is different: the first weights, the missions,
-# the fading, every action that is drawn. How much do seeds differ? Take the last validation of each
-# run:
+# Train again with another **seed**, and all chance in training is different: the first weights, the
+# missions, the fading, every action that is drawn. How much do seeds differ? Take the last
+# validation of each run:
 
 # %%
 def last(table, arm, steps=10**9):
@@ -195,7 +195,7 @@ for name, table in recorded.items():
 #
 # With few runs $m$ is large, because three values may lie close together by chance, and then $s$ is
 # too small (**Student's t distribution**). If all runs were made again and again, 95 % of such
-# intervals would contain the true gap, if the runs are roughly normally distributed.
+# intervals or more would contain the true gap, if the runs are roughly normally distributed.
 
 # %%
 def gap(table, steps=10**9, m=4.3):
@@ -213,11 +213,12 @@ ax.axvline(0, color="black")
 ax.set(xlabel="lead of the centred map, percentage points", ylim=(3.5, -0.5));
 
 # %% [markdown]
-# A bar on one side of 0 says that the centred map is ahead in runs like these. At the end of `lite`
-# the bar contains 0: these runs do not say which arm is better there.
+# A bar to the right of 0 says that the centred map is ahead in runs like these. At the end of
+# `lite` the bar just contains 0: by this measure the runs do not say which arm is better there. (By
+# *return* they do: the same interval is 0.5 to 3.5 units.)
 #
 # **Pairing helps where a pair shares its luck.** Runs with the same seed begin with the same
-# missions, but after a few hundred steps they have flown apart, so pairing *them* buys hardly
+# missions, but soon after the first updates they have flown apart, so pairing *them* buys hardly
 # anything. *Missions* are another matter: a mission that is hard for one pilot is often hard for
 # others. Here are greedy and the DDQN agent on the same 1000 missions:
 
@@ -236,22 +237,22 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("more_missions")
 
 # %% [markdown]
-# Mission by mission, the interval is narrower, for the same flights. But another seed gives another
-# agent, and this interval says nothing of that. [Before you believe a
-# surprise](../docs/tutorials/surprises.md) has more tools.
+# Mission by mission, the interval is narrower. But another seed gives another agent, and this
+# interval says nothing of that. [Before you believe a surprise](../docs/tutorials/surprises.md) has
+# more tools.
 #
 # ## 8.4 Why do `plain` and `lite` disagree?
 #
-# `lite` differs from `plain` in eight things, which [its
-# page](../docs/results/recipe.md) lists. One difference is time: after 300,000
-# steps even `lite` is far behind in place, and then gets there (the second bar above),
-# whereas `plain` does not get there within a million steps. So the information is in that
-# map, and it is harder to use.
+# `lite` differs from `plain` in its length and in eight of the nine things [listed
+# here](../docs/project/differences_from_the_paper.md#the-recipe-lite). After 300,000 steps even
+# `lite` is far behind in place (the second bar above), and then nearly catches up, whereas `plain`
+# does not within a million steps. So that map has the information, and learning to use it takes longer.
 #
-# Which of the things helps? Undo each of them, in both arms, and look. Here are such runs, each of
-# 300,000 steps, one dot a run. (They are of an earlier `lite`, with four things more; so are the
-# runs of `lite` in the figures above.) A *leaky* ReLU keeps a tenth of what is below 0, and a *layer
-# norm* brings the neurons of a layer to a common scale:
+# Which of the things helps? Undo them one by one, in both arms, and look. Here are [such
+# runs](../docs/results/recipe.md), each of 300,000 steps, one dot a run. (They are of an earlier
+# `lite`, with four things more.) A *leaky* ReLU
+# keeps a tenth of what is below 0, and a *layer norm* brings the neurons of a layer to a common
+# scale:
 
 # %% tags=["hide-input"]
 parts = read_table(data_folder() / "runs/pilots-manhattan.csv.gz")
@@ -270,15 +271,15 @@ figure.legend(loc="outside right upper");
 
 # %% [markdown]
 # A dot says what *one* run did, and 8.3 shows how far runs differ by chance. (*These three* are
-# amsgrad off, the movement reward and the exploring starts, undone together; the last row was
-# flown centred alone.) Look for a part that
-# takes the dots of one arm down and leaves the other arm where it was. Five nearly do so: the input
-# scales, the layer norm, the leaky ReLUs, the larger memory (*replay*) and the Huber loss. Without
-# any one of them, agents in place lose a quarter or more of what they collected, whereas centred
-# ones lose about five percentage points at most, on average. (Without the *temperature*, one dot in
-# place stays where it was.) So **no single part explains the disagreement**: `plain`
-# has none of the five, and in place each is needed. Centring makes them nearly unnecessary, perhaps
-# because the network need not first find out where the UAV is.
+# amsgrad off, the movement reward and the exploring starts, undone together; the last row was flown
+# centred alone.) Look for a part that takes the dots of one arm down and leaves the other arm where
+# it was. Five nearly do so: the input scales, the layer norm, the leaky ReLUs, the larger memory
+# (*replay*) and the Huber loss. Without any one of them, agents in place lose a quarter or more of
+# what they brought home, whereas centred ones lose about five percentage points at most, on
+# average. (Without the *temperature*, one dot in place stays where it was.) So **probably no single
+# part explains the disagreement**: `plain` has none of the five, and in place each matters.
+# Centring makes each nearly unnecessary, perhaps because the network need not first find out where
+# the UAV is.
 #
 # ## 8.5 What has it learned by heart?
 #
@@ -309,18 +310,18 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 
 # %% [markdown]
 # Greedy flies as well as before, because it looks up the way home in the map, wherever home is. But
-# the agent is lost in most missions, although the layer with the landing zones was moved, too. In
+# the agent is lost in nearly all missions, although the layer with the landing zones was moved, too. In
 # training the zones were always in the same two corners, so "towards the corner" earned as much as
 # "towards the landing zone", and nothing made the agent tell the two apart. **Part of its knowledge
 # consists of places learned by heart.** This is overfitting again, this time to a city.
 #
 # ## 8.6 What is left of the claim
 #
-# | question | what these runs say |
+# | question | what these runs say, by *collected and landed* |
 # | --- | --- |
-# | Does an agent learn faster with the centred map? | Yes, in all three experiments, by *collected and landed* |
+# | Does an agent learn faster with the centred map? | Yes, in all three experiments |
 # | Is it better at the end of these runs? | With `plain` and in the village, yes. With `lite` over Manhattan the interval at the end contains 0 |
-# | Is the paper right? | Its claim holds for its own method: with `plain` the gap is wide. It is not a law for every learner |
+# | Is the paper right? | Its claim holds for its own method: with `plain` the gap is wide. With `lite` only the faster learning is clear |
 # | Does centring make an agent independent of the place? | No: moved landing zones confuse it (8.5) |
 #
 # ## Recap
@@ -335,4 +336,5 @@ print(f"of the agent's crashes, {over_old_zone.mean():.0%} were over an old zone
 # notebook](exercises/08_ablation_map_centring/08_ablation_map_centring.ipynb) come with checks and
 # hints.
 #
-# Further reading: Agarwal et al., *Deep RL at the Edge of the Statistical Precipice*, 2021.
+# Further reading: Agarwal et al., *Deep Reinforcement Learning at the Edge of the Statistical
+# Precipice*, 2021.

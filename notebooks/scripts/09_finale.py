@@ -120,7 +120,7 @@ class Safe(Environment):
         return np.where(too_late, home, action)
 
 # %% [markdown]
-# Many drones have such a **failsafe**, also called a **shield**. Try it with the worst pilot, and
+# Many drones have such a **failsafe**, also called a **shield**. Try it with a random pilot, and
 # break it: forget the unit that landing takes.
 
 # %%
@@ -137,10 +137,10 @@ assert landed.all()
 
 # %% [markdown]
 # One forgotten unit, and flights crash over their own landing zone. With the right rule every
-# flight lands, as long as the map is right and no wind slows the UAV. So from here on landing is no
-# achievement of the agent, and we look at the return.
+# flight lands, as long as the map is right and no wind slows the UAV. With it landing is no
+# achievement, so we look at the return.
 #
-# Now give it to your agent. The left flight is the one of its thousand that brought the least; on
+# Now give it to your agent. The left flight is the one of its thousand with the lowest return; on
 # the right, the same mission with the failsafe:
 
 # %% tags=["hide-input"]
@@ -190,10 +190,10 @@ maps, _ = told(missions)
 draw_maps({"buildings": maps[0, 2], "data left": maps[0, 3], "told": maps[0, 5]}, uav=(7, 7))
 
 # %% [markdown]
-# The told picture is dark around the device and along the streets, and white in the shadows of
-# notebook 2. Now two new networks learn with the loop that you wrote, for less than half the steps
-# of your agent: one with the failsafe alone, one with both gifts. Predict: which curve rises faster,
-# and will either beat the rule?
+# The told picture is darkest around the device, and almost white in the shadows of notebook 2. Now
+# two new networks learn with your loop, for less than half the steps of your agent: one with the
+# failsafe alone, one with both gifts. Predict: which curve rises faster, and will either beat the
+# rule?
 
 # %%
 def best_actions(network, see):
@@ -224,7 +224,7 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Both rise quickly, and from the start no flight crashes, but neither has reached the rule, nor your
+# Both rise, and from the start no flight crashes, but neither has reached the rule, nor your
 # agent with the failsafe, which has learned for longer. (One run each: see 8.3 before you say which
 # is better.) The agent with both gifts, beside greedy:
 
@@ -241,7 +241,7 @@ beside_greedy(safe)
 
 # %% [markdown]
 # Compare the times below the two maps: with no crash to fear, going home saves only 0.2 units a
-# step, too little for the network to notice (7.5).
+# step, perhaps too little for the network to notice (7.5).
 #
 # ### A second city
 #
@@ -284,11 +284,11 @@ figure
 beside_greedy(Safe(other))
 
 # %% [markdown]
-# Over its own village half a minute of learning takes an agent most of the way from chance to the
+# Over the village about half a minute of learning takes an agent most of the way from chance to the
 # rule. Over the hamlet both are lost, although they see the map: they have only ever seen one city,
-# and what they know by heart (8.5) is wrong there. What is *told* is right there, too, and yet that
-# agent does worst of all, because it tries again and again what is refused. What would help?
-# **Many cities** to learn in: see 9.5.
+# and what they know by heart (8.5) is of no use there. What is *told* is right there, too, and yet
+# that agent does worst of all, because it tries again and again what is refused.
+# **Many cities** to learn in may help: see 9.5.
 #
 # ### The last flight
 #
@@ -305,8 +305,8 @@ play(safe, {name: flights.trajectory(0) for name, flights in flown.items()})
 # ## 9.3 Copy
 #
 # Two gifts are left, and they take longer. The *genie* is a planner that searches over whole
-# flights and knows the rate of every link without fading. It is better than any agent here, but has
-# to search anew for each mission.
+# flights and knows the rate of every link without fading. It is better than the agents at the top,
+# but has to search anew for each mission.
 #
 # Can a network do at a glance what the genie does after a search? Train it on states and the
 # genie's actions in them, with the **cross-entropy**, which is large where the genie's action
@@ -314,24 +314,28 @@ play(safe, {name: flights.trajectory(0) for name, flights in flown.items()})
 #
 # $$L=-\log\pi(a_\text{genie}\mid s)$$
 #
-# This is **imitation learning**; rewards play no part in it.
+# This is **imitation learning**; the network is shown no rewards.
 #
 # ## 9.4 Learn on
 #
 # A copy makes small mistakes, which take it to states where it rarely saw the genie act (so ours
-# also asks the genie in such states, notebook 12); and the genie plans without fading. Reward can
-# teach some of the rest. The agent flies each mission several times and compares each return with the mean
-# of the others. The difference is the flight's **advantage** $A$: with returns of 30 and 20, the
-# actions of the first flight become more likely ($A=+10$) and those of the second less ($A=-10$).
-# The mean, a **baseline**, does not depend on the action, so
-# subtracting it changes nothing on average; it takes away luck that all flights share. The loss is
-# that of 9.3, weighted by $A$:
+# also asks the genie in such states, notebook 12), and the genie plans without fading. Reward can
+# teach some of the rest.
+#
+# The agent flies each mission several times. How much better is a flight than the mean of the
+# others? That is its **advantage** $A$ (exercise 7.1 had an action's). If two flights return 30
+# and 20, the first has $A=+10$, and its actions become more likely; the second has $A=-10$, and they
+# become less likely.
+#
+# In essence, the loss is that of 9.3, weighted by $A$:
 #
 # $$L=-A\,\log\pi(a\mid s)$$
 #
-# A method that changes the probabilities themselves is a **policy gradient** method (PPO is the
-# best known). It is on-policy (6.1): after a few updates the flights are those of another policy and
-# must be flown anew, whereas DDQN learns from a stored step again and again.
+# Why not weight by the return itself? Then both flights would count as good. The mean is a
+# **baseline**: it takes away luck that the flights share, and changes nothing on average.
+#
+# This is a **policy gradient** method (PPO is one, too). Ours is on-policy (6.1): after a few
+# updates it needs new flights, whereas DDQN learns from a stored step again and again.
 #
 # The picture at the top shows the result over Manhattan, and this table the lead over the rule:
 
@@ -344,14 +348,15 @@ for name, values in ladder.items():
 
 # %% [markdown]
 # The *imitation agent* was given all four gifts and is **ahead of the rule**. ([The
-# ladder](../docs/results/ladder.md) has several training runs of each.) Every gift has its price:
+# ladder](../docs/results/ladder.md) has several training runs of each agent.) Every gift has its
+# price:
 #
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
 # | guarantee | the map, and that it is right | collect data; it only lands |
 # | tell | the map and the constants of the channel | say what to do |
 # | copy | a planner: all equations and a search | be expected to beat its teacher |
-# | learn on | nothing but the reward | learn quickly from nothing |
+# | learn on | nothing but the reward | give a good start |
 #
 # So *a comparison is fair only between pilots that were told the same things*.
 #
@@ -386,9 +391,9 @@ for name, one in pilots.items():
 play(pilot.environment, {name: each.trajectory(0) for name, each in flown.items()})
 
 # %% [markdown]
-# Nobody trained the agent for this city. A wall north of the UAV looks the same in the centred map
-# of any city, and what it is told is computed from your map. In a single city either may win
-# ([notebook 13](13_any_city.ipynb)).
+# Nobody trained the agent for this city. A wall just north of the UAV is in the same place in the
+# centred map of any city, and what it is told is computed from your map. In a single city either
+# may win ([notebook 13](13_any_city.ipynb)).
 #
 # Could it fly a real UAV? Ours knows its exact position, the map and the data left, and meets no
 # wind: the **sim-to-real gap**. One would put such errors into the evaluation, and train with the
@@ -396,11 +401,11 @@ play(pilot.environment, {name: each.trajectory(0) for name, each in flown.items(
 #
 # ### Why learn at all?
 #
-# Over our city, learning has gained little: whoever knows the channel and has a genie should let
-# the genie fly. Learning pays where a model of the channel, a good rule or the time to search is
-# missing. Without a model no genie can plan, but an agent can still learn from reward; where a
-# search takes too long, an agent pays for it beforehand, **for all missions**, and then decides at
-# once.
+# Over Manhattan, learning has gained little: whoever knows the channel and has time for the genie
+# should let it fly. Learning may pay where a model of the channel, a good rule or the time to
+# search is missing. Without a model this genie cannot plan, but an agent can still learn from
+# reward; where a search takes too long, an agent pays for it beforehand, **for all missions**, and
+# then decides quickly.
 #
 # ## 9.6 Your turn
 #
@@ -421,9 +426,9 @@ play(pilot.environment, {name: each.trajectory(0) for name, each in flown.items(
 # ## Recap
 #
 # - A rule that always holds need not be learned; what can be computed can be told to the agent; a
-#   planner can be copied; reward teaches the rest.
-# - An agent that learned in one city knows that city; one that learned in thousands can fly over a
-#   new one.
+#   planner can be copied; reward teaches some of the rest.
+# - An agent that learned in one city knows that city; one that learned in thousands could fly over
+#   a new one.
 # - Say what a pilot was told before you compare it, and give greedy's result beside every number.
 #
 # ## Exercises

@@ -334,7 +334,7 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # greedy's line.
 #
 # Runs this short show which recipe learns fastest, not which is best in the end. The course's DDQN agent, for example, has no guarantee,
-# but it learned for nearly four million steps instead of 80,000, and it does land.
+# but it learned for almost two million steps instead of 80,000, and it hardly ever crashes.
 #
 # ## 12.6 What the labels cost
 #

@@ -240,7 +240,7 @@ for (name, radio), flights in flown.items():
 
 # %% [markdown]
 # The DDQN agent collects a little less than greedy here, and its return is far behind greedy's under either model: it flies
-# until the failsafe sends it home, and the safety controller refuses about 15 of its actions in each mission. Only `any_city`
+# until the failsafe sends it home, and the safety controller refuses more than ten of its actions in each mission. Only `any_city`
 # suffers from the change of model, and only slightly.
 #
 # The recorded runs cover 900 missions (300 for each of three seeds) for each place and model. By how much

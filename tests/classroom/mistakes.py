@@ -114,7 +114,7 @@ MISTAKES = {
     ],
     "pilots": [
         ({"A": "greedy", "B": "random", "C": "ddqn"}, "nearest device"),
-        ({"A": "ddqn", "B": "greedy", "C": "random"}, "no plan at all"),
+        ({"A": "ddqn", "B": "greedy", "C": "random"}, "without any aim"),
         ({"A": "ddqn", "B": "random"}, "using each once"),
     ],
     "flown_by_hand": [

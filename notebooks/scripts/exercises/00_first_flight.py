@@ -85,20 +85,20 @@ checks.flight_score(collected_and_landed)
 # %% [markdown]
 # ## 0.2 · Which flight is the agent's? (1 point, 5 minutes)
 #
-# Three pilots flew the same mission: the agent (`"ddqn"`), greedy and random. Greedy always flies
-# the shortest route to the nearest device that has data left, and turns for home when just enough
-# time is left to get there. The triangle marks the start. Which pilot flew which flight?
+# Three pilots flew the same mission: the agent (`"ddqn"`), greedy and random. Greedy flies the
+# shortest route to the nearest device that has data left, and turns for home when none has, or when
+# just enough time is left to get there. The triangle marks the start. Which pilot flew which
+# flight?
 #
 # <details><summary>Hint</summary>
 #
-# One of the three pilots has no plan at all. Which device do the other two pilots fly to first?
+# One of the three pilots flies without any aim. Which device do the other two pilots fly to first?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Greedy has one rule: fly to the nearest device that has data left, and fly home when just enough
-# time is left. One device is 8 moves from the start and the other 13. Which of the two does greedy
-# fly to first?
+# Greedy flies to the nearest device that has data left. One device is 8 moves from the start and
+# the other 13. Which of the two does greedy fly to first?
 # </details>
 
 # %%
@@ -130,10 +130,10 @@ picture([])
 #
 # You are the agent. In the mission above the UAV starts at (row 0, column 0) and has 21 units of
 # flying time. Each of the two devices has 15 data units. One stands at (4, 1), in a no-fly cell
-# (red). The other is at (0, 7), in the far corner. The start and landing zone is blue, and tall
-# buildings are black. The shades of violet say how many devices are hidden: over a white cell the
-# UAV sees both devices, over a pale violet cell one of them is hidden by a building, and over a
-# deeper violet cell both are.
+# (red). The other is at (0, 7), in a corner. The start and landing zone is blue, and tall buildings
+# are dark grey. The shades of violet say how many devices are hidden: over a white cell the UAV
+# sees both devices, over a pale violet cell one of them is hidden by a building, and over a deeper
+# violet cell both are.
 #
 # Write a list of all actions of the flight, by name: `"north"` (one row up), `"east"` (one column
 # to the right), `"south"`, `"west"`, `"hover"` (stay) and `"land"`. Each of these takes one unit of

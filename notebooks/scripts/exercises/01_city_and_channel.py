@@ -111,7 +111,7 @@ checks.same_path_loss(same_loss_m)
 
 # %% [markdown]
 # Both formulas give the same path loss at 1 m. The UAV flies 10 m above the devices, so it is
-# always more than 1 m away from them, and a building always makes the link worse.
+# always more than 1 m away from them, and a building always adds to the path loss.
 
 # %% [markdown]
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)

@@ -54,8 +54,8 @@ from uavdh_lite.shadowing import line_of_sight
 # Write a function that says whether the straight segment between the centres of the cells `start`
 # and `end` crosses the open interior of `cell`.
 #
-# The notebook gives the condition for a segment from (0, 0) to $(R, C)$: a cell $(r, c)$ in the
-# rectangle between these two cells is crossed if and only if
+# The notebook gives the condition for a segment from (0, 0) to another cell $(R, C)$: a cell
+# $(r, c)$ in the rectangle between these two cells is crossed if and only if
 #
 # $$2\,|R\,c - C\,r| < |R| + |C|.$$
 #
@@ -98,10 +98,10 @@ checks.crosses(crosses)
 # %% [markdown]
 # ## 2.2 · A shadow map (2 points, 10 minutes)
 #
-# A city has M×M cells; `buildings` is a Boolean array of shape (M, M), indexed `[row, col]`. A device
-# stands in the cell `device`, a pair `(row, col)`. The function `blocked(buildings, device, cell)`
-# follows one ray: it says whether the link between the device and a UAV over `cell` is blocked, by the
-# rules of the notebook.
+# A city has M×M cells; `buildings` is a Boolean array of shape (M, M), indexed `[row, col]`. A
+# device stands in the cell `device`, a pair `(row, col)`. The function `blocked(buildings, device,
+# cell)` says whether the link between the device and a UAV over `cell` is blocked, by the rules of
+# the notebook.
 #
 # Make the shadow map of the device: a new Boolean array of shape (M, M) that is True in each cell
 # where the link is blocked.

@@ -167,7 +167,7 @@ checks.convolve(convolve)
 # the 2 of the map.
 #
 # Try to count with plain arithmetic, without torch, because counting is the point of the exercise.
-# For the paper's network in a city with M = 16 the result is 2,308,854.
+# For the recipe `paper` in a city with M = 16 the result is 2,308,854.
 #
 # <details><summary>Hint</summary>
 #

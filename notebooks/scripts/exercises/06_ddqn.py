@@ -19,8 +19,8 @@
 #
 # If you are still stuck after a quarter of an hour with all the hints, read the solution, close it,
 # and write your own from memory. Solutions are in the folder `solutions`, beside `exercises`,
-# unless somebody handed you a copy of the course without them. The lines of PyTorch that you need
-# are in the table of section 5.3.
+# unless somebody handed you a copy of the course without them. Most of the PyTorch that you need is
+# in the table of section 5.3.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -87,8 +87,8 @@ def expected_target(reward, ended, gamma, q_next, beta):
 checks.expected_target(expected_target)
 
 # %% [markdown]
-# This is an on-policy target: it is right for flights that the present policy made, and a little
-# wrong for old ones from the memory.
+# This target learns what the present policy is worth. It asks only the policy, not the flight, for
+# the next action, so it is right for old steps from the memory, too.
 #
 # ## 6.2 · ε-greedy (2 points, 10 minutes)
 #
@@ -132,12 +132,12 @@ plt.ylabel("probability")
 plt.legend();
 
 # %% [markdown]
-# The figure compares the two. Which one tries the action that is nearly as good, and which one the
-# action that is sure to be bad?
+# The figure compares the two. Which one more often tries the action that is nearly as good, and
+# which one the action that seems worst?
 #
 # ## 6.3 · A memory that prefers surprises (2 points, 15 minutes)
 #
-# A replay memory draws all steps equally often, also those that the network has long understood. A
+# A plain replay memory draws all steps with equal chances, also those long understood. A
 # **prioritised** memory prefers steps with a large TD error $y-Q(s,a)$. Give each step a weight by
 # its *rank*: the step with the largest error, in absolute value, has the weight 1, the next 1/2, the
 # third 1/3, and so on. Return the probabilities, the weights divided by their sum.

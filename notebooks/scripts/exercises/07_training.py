@@ -50,15 +50,15 @@ from uavdh_lite.environment import Rewards
 # %% [markdown]
 # ## 7.1 · A dueling head (3 points, 20 minutes)
 #
-# In many states it hardly matters which action the UAV takes. A **dueling** network says so: one part
-# of it computes what the *state* is worth, $V(s)$, and another how much better each *action* is than
-# the mean of all actions, the advantage $A(s, a)$:
+# In many states it hardly matters which action the UAV takes. A **dueling** network says so: one
+# part of it computes what the *state* is worth, $V(s)$, and another how much better each *action*
+# is than the mean of all actions, the advantage $A(s, a)$:
 #
 # $$Q(s, a) = V(s) + A(s, a) - \frac{1}{6}\sum_{a'} A(s, a')$$
 #
 # Write it as a class. `Head(inputs)` has two layers, `self.value`, with one output, and
-# `self.advantage`, with six; both are `nn.Linear` and get the same features. Called with features of
-# shape $(B, \text{inputs})$, it gives Q-values of shape $(B, 6)$.
+# `self.advantage`, with six; both are `nn.Linear` and get the same features. Called with features
+# of shape $(B, \text{inputs})$, it gives Q-values of shape $(B, 6)$.
 #
 # <details><summary>Hint</summary>
 #
@@ -115,7 +115,7 @@ for name, shares in RUNS.items():
 # 1. is `"lazy"` if it uses less than 25 % of the flying time, whatever its other shares are;
 # 2. otherwise it `"crashes"` if it lands in fewer than 90 % of its missions;
 # 3. otherwise it is `"good"` if it collects at least 80 % of the data;
-# 4. otherwise it `"wanders"`: it flies about but comes home with little.
+# 4. otherwise it `"wanders"`: it flies about but collects too little.
 #
 # <details><summary>Hint</summary>
 #
@@ -148,8 +148,8 @@ for name, shares in RUNS.items():
     print(f"{name:<40}{diagnose(*shares)}")
 
 # %% [markdown]
-# With the crash reward of `paper`, −150 from the start, the agent of seed 0 is lazy after 100,000 steps. After 300,000 steps it
-# uses more of its time, but it has hardly learned to collect more.
+# With the crash reward of `paper`, −150 from the start, the agent of seed 0 is lazy after 100,000
+# steps. After 300,000 steps it uses more of its time, but collects less than a fifth of the data.
 
 # %% [markdown]
 # ## 7.3 · The n-step return (2 points, 15 minutes)
@@ -205,7 +205,7 @@ checks.n_step_return(n_step)
 # %% [markdown]
 # ## 7.4 · The loop that never lands (3 points, 20 minutes)
 #
-# An agent trained with the round below collects data and never comes home. The function should make
+# An agent trained with the round below brings hardly any data home. The function should make
 # one round of the loop of notebook 7: step, remember, and put new missions in the place of flights
 # that have ended. It has three bugs. Mend them.
 #
@@ -232,8 +232,8 @@ checks.n_step_return(n_step)
 #
 # <details><summary>Another hint</summary>
 #
-# The memory needs the state as `step` gave it, so append *before* `with_rows`. `after.ended` is true
-# for landed and for crashed UAVs.
+# The memory needs the state as `step` gave it, so append *before* `with_rows`. `after.ended` is
+# true for landed and for crashed UAVs.
 # </details>
 
 # %%

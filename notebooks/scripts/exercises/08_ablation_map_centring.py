@@ -89,8 +89,9 @@ checks.steps_to(steps_to)
 
 # %% [markdown]
 # The number of steps that you return is only as precise as the distance between two validations,
-# and one unlucky validation late in the run makes this number much larger. The first crossing of
-# the threshold, on the other hand, comes too early if a single early validation is lucky.
+# and one unlucky validation late in the run can make it much larger, or leave you without any. The
+# first crossing of the threshold, on the other hand, comes too early if an early validation is
+# lucky.
 
 # %% [markdown]
 # ## 8.2 · Paired or not (2 points, 8 minutes)
@@ -131,22 +132,38 @@ checks.lead(lead)
 # ## 8.3 · A p-value for a few seeds (2 points, 15 minutes)
 #
 # Two kinds of training were run with a few seeds each. The results, one for each seed, are `a` and
-# `b`, two short arrays of numbers that need not be equally long. Suppose that the kind of training
-# made no difference. Then any other way of dealing out the same values, `len(a)` of them to a first
-# group and the rest to a second one, would have been as likely as the one observed. (Two equal
-# values still count as two values.)
+# `b`, two short arrays of numbers that need not be equally long. If their means differ, could that
+# be luck?
 #
-# Go through *all* such splits. Return the share of splits in which the difference between the two
-# groups' means is, in absolute value, at least as large as the observed difference. This share is
-# the two-sided p-value of the exact permutation test. The observed split counts as one of the
-# splits. Let differences that agree to within 1e-9 count as equal, since sums of floats are
-# rounded. You need only numpy and the standard library, and no random numbers.
+# Suppose that the kind of training makes no difference. Then only chance decided which of the
+# values came into `a`, and every **split** of them, `len(a)` to a first group and the rest to a
+# second, was as likely as the one observed. So look at all splits: in how many are the two means at
+# least as far apart? If `a` is 8, 9 and `b` is 1, 2, then the means are 7 apart, and there are six
+# splits:
+#
+# | first group | second group | difference of the means |
+# | --- | --- | --- |
+# | 8, 9 | 1, 2 | 7 (observed) |
+# | 1, 2 | 8, 9 | −7 |
+# | 1, 8 | 2, 9 | −1 |
+# | 2, 9 | 1, 8 | 1 |
+# | 1, 9 | 2, 8 | 0 |
+# | 2, 8 | 1, 9 | 0 |
+#
+# In two of the six the means are at least 7 apart, so the **p-value** is 2/6: if the kind of
+# training makes no difference, chance alone gives such a gap in one case of three.
+#
+# Return this share for any `a` and `b`: of *all* splits, the observed one included, those in which
+# the difference of the means is, in absolute value, at least as large as the observed one. (This is
+# the two-sided p-value of the exact permutation test.) Two equal values still count as two values.
+# Let differences that agree to within 1e-9 count as equal, since sums of floats are rounded. You
+# need only numpy and the standard library, and no random numbers.
 #
 # <details><summary>Hint</summary>
 #
-# If the kind made no difference, every way of dealing the values out to the two groups would be as
-# likely as the one that you saw. In how many of these ways do the means differ by at least as much
-# as the observed means?
+# Let a loop make the lines of the table, one for each split, and note for each whether the means
+# are at least as far apart as those of `a` and `b`. The p-value is the share of the lines where
+# they are.
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -174,6 +191,6 @@ def permutation_p(a, b):
 checks.permutation_p(permutation_p)
 
 # %% [markdown]
-# The test assumes nothing about how the results are distributed. But it tests a single statement,
-# that both kinds have the same distribution of results, and does not say how large the difference
-# is.
+# The test assumes no particular distribution of the results, only that the runs are independent.
+# But it tests a single statement, that both kinds have the same distribution of results, and does
+# not say how large the difference is.

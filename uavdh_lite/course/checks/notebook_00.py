@@ -42,7 +42,7 @@ def wrong_pilots(answer: dict) -> str:
     if sorted(answer) != [*PILOTS] or sorted(map(str, answer.values())) != names:
         return 'Give each of A, B and C one of "ddqn", "greedy" and "random", using each once.'
     if answer["B"] != "random":
-        return "Random has no plan at all: its steps have no aim, and reach no device."
+        return "Random flies without any aim, and its flight reaches no device."
     if answer["C"] != "greedy":
         return "Greedy flies to the nearest device with data. Which device is that at the start?"
     return ""

@@ -25,7 +25,7 @@ from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
         "The device with the highest SNR is served, however small its lead is and however little "
         "it has left, as long as it has any; its number is an index into snr_db.": [
             ([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]),
-            ([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]),
+            ([5.0, 5.000001, 4.0], [9.0, 8.0, 9.0]),
             ([-3, -1], [9, 9]),
         ],
         "A device without data is not served, but the others keep their numbers. The highest SNR "

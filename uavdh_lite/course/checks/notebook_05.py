@@ -126,8 +126,8 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
             (3, 12, 9, 3, (3,), (20,)),
         ],
         "A second convolution sees as many layers as the first has kernels, and has its own "
-        "stride, and so on, for any number of convolutions and hidden layers. The paper's "
-        "network has 2,308,854.": [
+        "stride, and so on, for any number of convolutions and hidden layers. The recipe "
+        "`paper` has 2,308,854.": [
             (5, 16, 16, 5, (1, 1), (256, 256, 256)),
             (4, 13, 8, 4, (3, 2), (64, 32)),
         ]
