@@ -101,8 +101,8 @@ for units in (50, 17, 16):
 
 # %% [markdown]
 # One device is far to the north, the other is nearer, in the west, and the nearest landing zone is
-# in the south-east, 13 units of time away, landing included. With 50 or 17 units left, the agent
-# makes for the near device. With 16 it turns for home, although a step towards the device would
+# in the south-east, 13 units of time away, landing included. With 50 or 17 units left, the agent's
+# next step is west, towards the near device. With 16 it turns for home, although such a step would
 # still leave it a unit more than the way home takes. From the pictures alone it could not tell these
 # cases apart.
 #

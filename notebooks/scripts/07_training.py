@@ -304,8 +304,8 @@ figure.supylabel("share", fontsize="medium");
 # With a **price of 150** it learns to land, and leaves more than half of the data behind. **Without
 # a price** it learns to collect, but in the end is still in the air in a sixth to half of the
 # missions when time is up. From a **frozen** judge it can learn one step ahead and no more, so news
-# does not spread. With a **small memory**, a minibatch comes from a few dozen flights: one run
-# became timid, two collected and never learned to land. **At random** it still learns, because
+# does not spread. With a **small memory**, all minibatches come from the latest few dozen flights:
+# one run stayed timid, two collected and never learned to land. **At random** it still learns, because
 # Q-learning is off-policy (6.1) and the curve shows it without exploring; but random flights rarely
 # get far.
 #

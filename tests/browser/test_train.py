@@ -100,7 +100,7 @@ def test_it_learns_while_one_looks_and_python_loads_what_it_learned(page, tmp_pa
 
 def test_another_network_begins_anew_and_a_second_run_says_how_it_differs(page):
     turn(page, "layer norm", 1)
-    expect(page.locator(".word")).to_contain_text("new run")
+    expect(page.locator(".word")).to_contain_text("New run")
     until(page, lambda: steps(page) == 0)
     assert page.locator(".graph .past").count() == 4
     press(page, "Step")

@@ -129,7 +129,7 @@ function turn(name, place) {
   const dials = { ...run.dials, ...fields };
   if (Object.keys(fields).some((field) => ANEW.includes(field))) {
     begin(chosen, dials, run.going || (run.goes && !run.steps), run); // though it told nothing yet
-    told = `A new run: ${name} ${textOf(name, dials)}.`;
+    told = `New run: ${name} ${textOf(name, dials)}.`;
   } else {
     run.dials = dials;
     run.worker.send({ kind: "turn", dials: fields });
@@ -173,7 +173,7 @@ const acts = {
     start(() =>
       [first, second].forEach((dials, number) => begin(number, { ...usual(), ...dials }, true)),
     );
-    [told, chosen] = [`New runs. ${says}`, 1];
+    [told, chosen] = [says, 1];
   },
   save: () => runs[chosen].worker.send({ kind: "save" }),
   take() {
