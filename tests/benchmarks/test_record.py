@@ -172,7 +172,8 @@ def test_what_is_recorded_is_of_today_or_said_to_be_outstanding(monkeypatch):
     assert ("{generated} outstanding\n" in index) == any(
         "outstanding" in e for e in listed.values()
     )
-    names = {path.name.split(".")[0].removesuffix("-training") for path in record.RUNS.glob("*.csv.gz")}
+    tables = record.RUNS.glob("*.csv.gz")
+    names = {path.name.split(".")[0].removesuffix("-training") for path in tables}
     assert names <= listed.keys()
     agents = {path.stem for path in record.AGENTS.glob("*.safetensors")}
     made_by = {
