@@ -246,7 +246,7 @@ function slowly(run) {
   const same = Object.keys(DIALS).every((name) => ["seed", "steps"].includes(name) || is(name));
   const known = run.city.name === "village" && same;
   const other = known ? key("take", "take one that has learned") : "turn steps down";
-  return `This takes ${Math.round(secondsLeft(run) / 60)} minutes here: ${other}.`;
+  return `${Math.round(secondsLeft(run) / 60)} minutes left: ${other}.`;
 }
 
 /** A line for each run: how far it has come, and by which dials it differs from the other. */
