@@ -89,7 +89,7 @@ def test_a_state_without_the_parts_of_this_run_is_refused(trainer, tmp_path):
     path = tmp_path / "t.safetensors"
     save_run(path, trainer())
     tensors, values = load(path, "training")
-    for lost in ({"values": {}}, {"tensors": {}}):
+    for lost in ({"values": {}}, {"values": {"cities": values["cities"]}}, {"tensors": {}}):
         save(path, "training", *({"tensors": tensors, "values": values} | lost).values())
         with pytest.raises(InputError, match=r"t\.safetensors: "):
             restore_run(path, trainer())

@@ -155,7 +155,7 @@ def restore_run(path: Path, trainer: Trainer) -> None:
     """
     tensors, values = load(path, "training")
     cities = fingerprint_of(trainer.environment.cities)
-    if values.get("cities") == cities:  # whatever file they are in
+    if values.get("cities") == cities and "scenario" in values:  # whatever file they are in
         trainer.scenario = replace(trainer.scenario, city=values["scenario"]["city"])
     for name, asked in identity(trainer).items():
         saved = values.get(name)
