@@ -9,7 +9,6 @@ from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import field, fields, make_dataclass, replace
-from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -60,13 +59,14 @@ def output(typed: Path | None, name: str, *endings: str) -> Iterator[Path]:
     file exists that has any of the endings, since the others are written beside it. It is there at
     once, empty, so that no other command takes it; if writing fails, it goes.
     """
-    path, stems = typed, chain([name], (f"{name}-{number}" for number in count(2)))
+    path, stem, number = typed, name, 1
     while path is None:
-        first, *beside = (Path(stem + ending) for stem in [next(stems)] for ending in endings)
-        with suppress(FileExistsError):
-            if not any(each.exists() for each in beside):
-                first.open("x").close()
-                path = first
+        if not any(Path(stem + ending).exists() for ending in endings):
+            with suppress(FileExistsError):  # another command may be quicker
+                Path(stem + endings[0]).open("x").close()
+                path = Path(stem + endings[0])
+        number += 1
+        stem = f"{name}-{number}"
     try:
         yield path
     except BaseException:

@@ -130,20 +130,20 @@ class Walled:
     def __init__(self, sheet: Path | None = None, unprotected: bool = False):
         self.program = "" if unprotected else program()
         self.folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
-        self.name, environment = f"walled-{secrets.token_hex(8)}", dict(os.environ)
-        self.sheet, self.said, self.late = sheet, bytearray(), False
+        self.name, self.sheet = f"walled-{secrets.token_hex(8)}", sheet
+        self.said, self.late = bytearray(), False
         self.watch = threading.Timer(0, lambda: None)
+        kept = ("PATH", "SYSTEMROOT", "PATHEXT")  # without which nothing starts on Windows
+        environment = {key: os.environ[key] for key in kept if key in os.environ}
         if self.program:
             sheet = sheet and self._readable(sheet)
             command = _command(self.program, self.name, sheet)
-            if self.program == "bwrap":  # it stays within as the first process, to be looked at
-                environment = {"PATH": environment.get("PATH", os.defpath)}
+            if self.program != "bwrap":  # which stays within as the first process, to be looked at
+                environment = dict(os.environ)
             self.sheet = sheet and Path("/sheet", sheet.name)
         else:
-            kept = ("PATH", "SYSTEMROOT", "PATHEXT")  # without which nothing starts on Windows
-            environment = _environment() | {k: os.environ[k] for k in kept if k in os.environ}
-            environment |= {"HOME": self.folder.name, "MPLCONFIGDIR": matplotlib.get_cachedir()}
-            environment["WALLED"] = ""
+            own = {"HOME": self.folder.name, "MPLCONFIGDIR": matplotlib.get_cachedir()}
+            environment = _environment() | environment | own | {"WALLED": ""}
             command = [sys.executable]
         pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
         self.process = subprocess.Popen(
